@@ -20,7 +20,13 @@ from kengoro_env.arguments import (
     whole,
 )
 from kengoro_env.env import METADATA, KengoroEnv
-from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
+from kengoro_env.errors import (
+    ArgumentError,
+    DivergedError,
+    EpisodeError,
+    InvalidActionError,
+    UnknownNameError,
+)
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
@@ -45,7 +51,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     Compiled code steps the robots, or `mujoco.batch` where there is no compiler, which is slower
     for few environments. The results have the bits of as many single environments, for any number
-    of threads. The next step resets an environment that ended (`AutoresetMode.NEXT_STEP`).
+    of threads. The next step resets an environment that ended, or as ``autoreset_mode`` says.
     Observations, actions and infos are those of `KengoroEnv` with a leading axis of environments.
 
     Args:
@@ -59,6 +65,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         max_episode_steps: number of steps after which an episode is truncated; None: never.
         threads: number of threads; 0: as many as pay, at most one per core.
         control_period: simulated time of a step, from 0.001 to 0.1 [s].
+        autoreset_mode: when an environment that ended is reset, a `gymnasium.vector.AutoresetMode`
+            or its value: by the next step; by the same step, which then returns the last
+            observation and info as ``final_obs`` and ``final_info`` in the infos; or by the user,
+            with ``reset_mask``.
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -84,12 +94,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         max_episode_steps: int | None = None,
         threads: int = 0,
         control_period: float = CONTROL_PERIOD,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         _refuse_pictures(camera, render_mode)
         num_envs = whole("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
         self._threads = whole("threads", threads, 0, MOST_THREADS)
+        self._autoreset = _autoreset_mode(autoreset_mode)
         self._env = KengoroEnv(
             task,
             robot_seed,
@@ -98,7 +110,8 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             gains=gains,
             control_period=control_period,
         )
-        self.metadata = {**MANY, "render_fps": self._env.metadata["render_fps"]}
+        frames = self._env.metadata["render_fps"]
+        self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
         if not isinstance(self._env.task, Reach):
             raise ArgumentError("only the tasks posture and elbow have a vector environment")
         if self._env.robot.heat is not None:
@@ -189,19 +202,23 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Hold the commanded lengths for a control period; reset environments that had ended.
+        """Hold the commanded lengths for a control period; reset as ``autoreset_mode`` says.
 
         Args:
             actions: entries in [-1, 1] (num_envs, m).
 
         Raises:
             InvalidActionError: an action is not valid; nothing has moved.
-            EpisodeError: no episode has begun.
+            EpisodeError: no episode has begun, or one has ended that the user is to reset.
         """
         checked = self._checked(actions)
         if not self._tasks:
             raise EpisodeError("there is no episode to step (none has begun): call reset")
         fleet, begins = self.fleet, self._ended.copy()
+        if self._autoreset is AutoresetMode.DISABLED and begins.any():
+            raise EpisodeError(
+                f"environment {np.flatnonzero(begins)[0]} has ended: reset it with reset_mask"
+            )
         report = fleet.step(checked, self._observed["target"], ~begins)
         diverged = np.asarray(report.diverged)
         moved = ~begins & ~diverged
@@ -215,12 +232,36 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._begin(int(i), None, {})
         self._ended = diverged | truncated
         self._known["success"][diverged] = False
+        same_step = self._autoreset is AutoresetMode.SAME_STEP and self._ended.any()
+        final = self._reset_ended(diverged) if same_step else {}
         observed, infos = self._results(np.ones(self.num_envs, dtype=bool))
-        if diverged.any():
-            infos["reason"] = np.full(self.num_envs, None, dtype=object)
-            infos["reason"][diverged] = str(DivergedError())
-            infos["_reason"] = diverged.copy()
-        return observed, reward, diverged, truncated, infos
+        if not final:
+            infos |= self._reasons(diverged)
+        return observed, reward, diverged, truncated, infos | final
+
+    def _reset_ended(self, diverged: Bools) -> Infos:
+        """Reset the environments that ended; return their last observations and infos."""
+        ended = self._ended.copy()
+        observed, infos = self._results(ended)
+        last = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended):
+            last[i] = {name: values[i] for name, values in observed.items()}
+            self._begin(int(i), None, {})
+        infos |= self._reasons(diverged)
+        return {
+            "final_obs": last,
+            "_final_obs": ended,
+            "final_info": infos,
+            "_final_info": ended.copy(),
+        }
+
+    def _reasons(self, diverged: Bools) -> Infos:
+        """Entries of infos with the reasons of environments that diverged, if any did."""
+        if not diverged.any():
+            return {}
+        reasons = np.full(self.num_envs, None, dtype=object)
+        reasons[diverged] = str(DivergedError())
+        return {"reason": reasons, "_reason": diverged.copy()}
 
     def _checked(self, actions: object) -> Floats:
         array = real_numbers(actions)
@@ -262,6 +303,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """Close the environment that resets happen in, if the arguments were valid."""
         if hasattr(self, "_env"):
             self._env.close()
+
+
+def _autoreset_mode(mode: object) -> AutoresetMode:
+    known = {each.value: each for each in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if not isinstance(mode, str) or mode not in known:
+        raise UnknownNameError("autoreset_mode", mode, known)
+    return known[mode]
 
 
 def _refuse_pictures(camera: bool, render_mode: str | None) -> None:

@@ -11,6 +11,7 @@ import cloudpickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from kengoro_env.departures.tendons import DryFriction, Elongation
@@ -46,6 +47,8 @@ def same(one: Any, other: Any) -> bool:
     """Whether both hold the same bits."""
     if isinstance(one, dict):
         return set(one) == set(other) and all(same(one[k], other[k]) for k in one)
+    if one is None or one.dtype == object:
+        return one is other or all(map(same, one, other))
     return one.dtype == other.dtype and np.array_equal(one, other)
 
 
@@ -179,6 +182,7 @@ def test_what_they_give_is_in_their_spaces_and_is_the_callers() -> None:
         ({"max_episode_steps": "5"}, "max_episode_steps must be a whole number, 1 or more"),
         ({"max_episode_steps": 0}, "max_episode_steps must be 1 or more, got 0"),
         ({"gains": 3.0}, r"gains must be kengoro_env\.Gains, got 3\.0"),
+        ({"autoreset_mode": "never"}, "unknown autoreset_mode 'never'; known: NextStep, SameStep"),
         ({"render_mode": "human"}, 'does not render.*vectorization_mode="sync"'),
         ({"task": "can_grasp"}, "only the tasks posture and elbow have a vector environment"),
         ({"task": "juggle"}, "unknown task 'juggle'"),
@@ -330,3 +334,58 @@ def test_what_rounding_takes_beyond_one_commands_what_one_does() -> None:
         found.append(many.step(np.full((2, 3), largest, dtype=np.float32)))
     for mine, theirs in zip(*found, strict=True):
         assert same(mine, theirs)
+
+
+@pytest.mark.parametrize("more", [{}, {"robot_seed": 3}], ids=["nominal", "3"])
+def test_the_same_step_resets_as_in_gymnasiums_own(more: dict[str, Any]) -> None:
+    steps, mode = 4, AutoresetMode.SAME_STEP
+    many: Any = gym.make_vec(ELBOW, 3, max_episode_steps=steps, autoreset_mode=mode, **more)
+    one_by_one = gym.make_vec(
+        ELBOW, 3, "sync", {"autoreset_mode": mode}, max_episode_steps=steps, **more
+    )
+    assert many.metadata["autoreset_mode"] is mode
+    for mine, theirs in zip(many.reset(seed=3), one_by_one.reset(seed=3), strict=True):
+        assert same(mine, theirs)
+    rng = np.random.default_rng(0)
+    for k in range(2 * steps + 2):
+        if k == 2:  # from here on one of them is out of step with the others
+            for env in (many, one_by_one):
+                env.reset(options={"reset_mask": np.array([False, True, False])})
+        actions = rng.uniform(-1, 1, many.action_space.shape).astype(np.float32)
+        found, expected = many.step(actions), one_by_one.step(actions)
+        assert ("final_obs" in found[4]) == (k in (3, 5, 7, 9))
+        for mine, theirs in zip(found, expected, strict=True):
+            assert same(mine, theirs)
+
+
+def test_one_that_diverges_is_reset_by_the_same_step(kind: type) -> None:
+    many = KengoroVectorEnv(2, "elbow", autoreset_mode="SameStep")
+    many.reset(seed=0)
+    rest = np.zeros(many.action_space.shape, dtype=np.float32)
+    before, *_ = many.step(rest)
+    velocities = (
+        many.fleet._robots.data.qvel[1] if kind is NumpySteps else many.fleet.parts(1)[1].qvel
+    )
+    velocities[:] = np.nan
+    _, _, terminated, _, infos = many.step(rest)
+    assert terminated.tolist() == [False, True]
+    assert infos["time"].tolist() == pytest.approx([0.04, 0.0])
+    assert "reason" not in infos
+    assert "diverged" in infos["final_info"]["reason"][1]
+    assert infos["_final_info"].tolist() == infos["_final_obs"].tolist() == [False, True]
+    assert infos["final_obs"][0] is None
+    assert same(infos["final_obs"][1], {name: values[1] for name, values in before.items()})
+    assert not many.step(rest)[2].any()
+
+
+def test_without_autoreset_the_user_resets() -> None:
+    many = KengoroVectorEnv(2, "elbow", max_episode_steps=2, autoreset_mode="Disabled")
+    many.reset(seed=0)
+    rest = np.zeros(many.action_space.shape, dtype=np.float32)
+    many.step(rest)
+    many.reset(options={"reset_mask": [False, True]})
+    assert many.step(rest)[3].tolist() == [True, False]
+    with pytest.raises(KengoroError, match="environment 0 has ended: reset it with reset_mask"):
+        many.step(rest)
+    many.reset(options={"reset_mask": [True, False]})
+    assert many.step(rest)[3].tolist() == [False, True]
