@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import checked_mapping, seed_or_none
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, UnknownNameError
@@ -75,8 +76,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     the path; ``slack_target`` (m,) [m], target length beyond the true length; ``success``;
     ``time`` [s]; in CanGrasp ``can_pose`` (4, 4), ``grasped`` and ``rise`` [m]; ``reason`` in the
     last step of an episode that ended; with `HeatingMotors` ``core_temperatures`` and
-    ``housing_temperatures`` (m,) [degC]. A simulation that diverges ends the episode with the last
-    finite observation and the reward 0.
+    ``housing_temperatures`` (m,) [degC]. Numbers are NumPy's, truth values arrays of shape ().
+    A simulation that diverges ends the episode with the last finite observation and the reward 0.
 
     Args:
         task: a key of `TASKS`.
@@ -110,10 +111,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         gains: Gains = DEFAULT_GAINS,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        if task not in TASKS:
+        if not isinstance(task, str) or task not in TASKS:
             raise UnknownNameError("task", task, TASKS)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", render_mode, self.metadata["render_modes"])
+        if not isinstance(gains, Gains):
+            raise ArgumentError(f"gains must be kengoro_env.Gains, got {gains!r}")
         self.task = TASKS[task]()
         scene = asset_path(self.task.scene)
         self.robot = robot = Robot(
@@ -214,8 +217,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         Raises:
             KengoroError: an option is unknown or has a value that is not valid.
         """
-        super().reset(seed=seed)
-        checked = checked_options(options or {}, {"posture": None, **self.task.options}, self.robot)
+        super().reset(seed=seed_or_none(seed))
+        known = {"posture": None, **self.task.options}
+        checked = checked_options(checked_mapping(options), known, self.robot)
         rng, noise = self.np_random.spawn(2)
         self.task.start(self.robot, checked, rng, noise)
         self._ended = None
@@ -229,6 +233,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._add_temperatures(observation, info)
         info["success"] = False
         self.task.write_info(info, start.object_state)
+        _fix_types(info)
         self._last = observation, info
         if self.render_mode == "human":
             self.render()
@@ -259,7 +264,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         except DivergedError as diverged:
             self._ended = reason = str(diverged)
             observation, info = deepcopy(self._last)
-            return observation, 0.0, True, False, {**info, "success": False, "reason": reason}
+            info |= {"success": np.array(False), "reason": reason}
+            return observation, 0.0, True, False, info
         observation, info, error, tension, state, _ = report
         reward, ended = task.judge(info, error, tension, state)
         if self._camera is not None:
@@ -269,6 +275,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self.robot.heat.advance(self.robot.tensions, self.robot.control_period)
         self._add_frame_and_target(observation)
         self._add_temperatures(observation, info)
+        _fix_types(info)
         self._last = observation, info
         if ended is not None:
             info["reason"] = ended
@@ -326,3 +333,15 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._steps = steps_of_one(self.robot, self.bounds, self._entries, self._tracked)
+
+
+def _fix_types(info: dict[str, Any]) -> None:
+    """Replace numbers of Python by those of NumPy, whose types learning libraries read.
+
+    Truth values become arrays of shape (), for Gymnasium's vector environments batch those.
+    """
+    for name, value in info.items():
+        if isinstance(value, bool):
+            info[name] = np.array(value)
+        elif type(value) is float:
+            info[name] = np.float64(value)

@@ -7,6 +7,7 @@ An entry of an action in [-1, 1] commands the target length of a muscle
 where low and high are the smallest and the largest length of the muscle in the nominal model over
 the box of joint ranges, minus and plus `MARGIN`, because a real robot is zeroed in another posture.
 Actions are float32, as learning libraries send them: one step of it is at most 0.04 micrometres.
+Entries that rounding takes beyond 1, up to `LARGEST`, count as 1.
 
 The bounds are an asset, because computing them takes long. After a change of the arm's model
 ``python -m kengoro_env.spaces`` recomputes them.
@@ -24,6 +25,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import described, real_numbers
 from kengoro_env.assets import asset_path, assets_root
 from kengoro_env.errors import InvalidActionError
 from kengoro_env.robot.nominal_model import NominalArm
@@ -35,6 +37,9 @@ MARGIN = 0.06
 
 TENSION_RANGE = 1000.0
 """Largest reading of a tension sensor [N]: twice the largest tension of a motor."""
+
+LARGEST = 1.0 + 1e-6
+"""Largest entry of an action, beyond 1 by rounding to float32; it commands what 1 does."""
 
 LATEST = 86_400.0
 """Largest time of a frame [s]."""
@@ -130,8 +135,8 @@ def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
 
 
 @cache
-def _ones(count: int) -> Floats:
-    return np.ones(count)
+def _largest(count: int) -> Floats:
+    return np.full(count, LARGEST)
 
 
 def checked_action(action: object, entries: Sequence[str]) -> Floats:
@@ -144,19 +149,18 @@ def checked_action(action: object, entries: Sequence[str]) -> Floats:
     Raises:
         InvalidActionError: wrong shape, or an entry that is not a number in [-1, 1].
     """
-    try:
-        array = np.asarray(action, float)
-    except (TypeError, ValueError):
+    array = real_numbers(action)
+    if array is None:
         raise InvalidActionError(
-            f"an action must be {len(entries)} numbers within [-1, 1], got {action!r}"
-        ) from None
+            f"an action must be {len(entries)} real numbers within [-1, 1], got {described(action)}"
+        )
     if array.shape != (len(entries),):
         raise InvalidActionError(
             f"an action must have the shape ({len(entries)},), one entry a muscle"
             f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
         )
     check_actions(array, entries)
-    return array
+    return np.clip(array, -1.0, 1.0)
 
 
 def check_actions(actions: NDArray[np.floating[Any]], entries: Sequence[str]) -> None:
@@ -165,14 +169,15 @@ def check_actions(actions: NDArray[np.floating[Any]], entries: Sequence[str]) ->
     Raises:
         InvalidActionError: an entry is not a finite number in [-1, 1].
     """
-    within = np.abs(actions) <= _ones(actions.shape[-1])
+    within = np.abs(actions) <= _largest(actions.shape[-1])
     if b"\0" not in within.tobytes():  # a quarter of the time of within.all()
         return
     *row, first = np.argwhere(~within)[0]
     environment = f"environment {row[0]}: " if row else ""
+    value = np.format_float_positional(actions[(*row, first)], trim="-")
     raise InvalidActionError(
-        f"{environment}entry {first} of the action ({entries[first]}) is "
-        f"{actions[(*row, first)]:g}: every entry must be a finite number within [-1, 1]"
+        f"{environment}entry {first} of the action ({entries[first]}) is {value}: every entry must "
+        "be a finite number within [-1, 1]"
     )
 
 

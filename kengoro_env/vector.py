@@ -11,13 +11,27 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import (
+    checked_mapping,
+    checked_mask,
+    described,
+    real_numbers,
+    seeds_of_many,
+    whole,
+)
 from kengoro_env.env import METADATA, KengoroEnv
-from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
+from kengoro_env.errors import (
+    ArgumentError,
+    DivergedError,
+    EpisodeError,
+    InvalidActionError,
+    UnknownNameError,
+)
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.spaces import check_actions
-from kengoro_env.stepping.choice import steps_of_many
+from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import Report
 from kengoro_env.tasks.reach import Reach, judged
 from kengoro_env.types import Bools, Floats
@@ -37,7 +51,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     Compiled code steps the robots, or `mujoco.batch` where there is no compiler, which is slower
     for few environments. The results have the bits of as many single environments, for any number
-    of threads. The next step resets an environment that ended (`AutoresetMode.NEXT_STEP`).
+    of threads. The next step resets an environment that ended, or as ``autoreset_mode`` says.
     Observations, actions and infos are those of `KengoroEnv` with a leading axis of environments.
 
     Args:
@@ -46,10 +60,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         robot_seed: seed of the actual robot, the same in all environments; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
         camera: must be False; use ``vectorization_mode="async"`` for environments with a camera.
+        render_mode: must be None; use ``vectorization_mode="sync"`` for environments that render.
         gains: gains of muscle stiffness control.
         max_episode_steps: number of steps after which an episode is truncated; None: never.
         threads: number of threads; 0: as many as pay, at most one per core.
         control_period: simulated time of a step, from 0.001 to 0.1 [s].
+        autoreset_mode: when an environment that ended is reset, a `gymnasium.vector.AutoresetMode`
+            or its value: by the next step; by the same step, which then returns the last
+            observation and info as ``final_obs`` and ``final_info`` in the infos; or by the user,
+            with ``reset_mask``.
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -70,18 +89,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         robot_seed: int | None = None,
         departures: Sequence[Departure] | None = None,
         camera: bool = False,
+        render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
         max_episode_steps: int | None = None,
         threads: int = 0,
         control_period: float = CONTROL_PERIOD,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
-        if camera:
-            raise ArgumentError(
-                "a vector environment has no camera: leave camera out, or ask for "
-                'vectorization_mode="async"'
-            )
-        if num_envs < 1:
-            raise ArgumentError(f"num_envs must be 1 or more, got {num_envs}")
+        _refuse_pictures(camera, render_mode)
+        num_envs = whole("num_envs", num_envs, 1)
+        if max_episode_steps is not None:
+            max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
+        self._threads = whole("threads", threads, 0, MOST_THREADS)
+        self._autoreset = _autoreset_mode(autoreset_mode)
         self._env = KengoroEnv(
             task,
             robot_seed,
@@ -90,7 +110,8 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             gains=gains,
             control_period=control_period,
         )
-        self.metadata = {**MANY, "render_fps": self._env.metadata["render_fps"]}
+        frames = self._env.metadata["render_fps"]
+        self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
         if not isinstance(self._env.task, Reach):
             raise ArgumentError("only the tasks posture and elbow have a vector environment")
         if self._env.robot.heat is not None:
@@ -105,13 +126,29 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.muscles, self.joints = self._env.muscles, self._env.joints
-        self.fleet = steps_of_many(self._env.robot, self._env.bounds, num_envs, threads)
+        self.fleet = self._new_fleet()
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
         self._until = np.full(num_envs, np.inf)  # time of the next target [s]
         self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
+
+    def _new_fleet(self) -> Steps:
+        env = self._env
+        return steps_of_many(env.robot, env.bounds, self.num_envs, self._threads)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """State of a copy, which continues from here; `fleet` is made again from its robots."""
+        states = [self.fleet.state(i) for i in range(self.num_envs)] if self._tasks else []
+        return {**self.__dict__, "fleet": states}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        states = state["fleet"]
+        self.__dict__.update(state)
+        self.fleet = self._new_fleet()
+        for i, robot in enumerate(states):
+            self.fleet.restore(i, robot)
 
     def reset(
         self,
@@ -125,21 +162,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             seed: seed of the first environment, to which each other adds its index; or a seed per
                 environment.
             options: options of `KengoroEnv.reset` for all environments; ``reset_mask``
-                (num_envs,) bool: which environments to reset.
+                (num_envs,) bool: which environments to reset, one at least.
 
         Raises:
             KengoroError: an argument has the wrong length or value.
         """
-        options = dict(options or {})
-        which = options.pop("reset_mask", np.ones(self.num_envs, dtype=bool))
-        if seed is None or isinstance(seed, int):
-            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != self.num_envs or np.shape(which) != (self.num_envs,):
-            raise ArgumentError(
-                f"seed and reset_mask must have an entry for each of {self.num_envs} environments"
-            )
+        options, which = checked_mapping(options), np.ones(self.num_envs, dtype=bool)
+        if "reset_mask" in options:
+            which = checked_mask(options.pop("reset_mask"), self.num_envs)
+        seeds = seeds_of_many(seed, self.num_envs)
         if not self._tasks and not np.all(which):
             raise EpisodeError("the first reset must be one of all environments")
         for i in np.flatnonzero(which):
@@ -163,7 +194,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._tasks = [self._task] * self.num_envs
         self._tasks[i] = copy(self._task)
         self._until[i] = self._task.until
-        self.fleet.take(i)
+        self.fleet.restore(i, env.robot.state())
         self._steps[i], self._ended[i] = 0, False
         _write(self._observed, i, observation)
         _write(self._known, i, info)
@@ -171,19 +202,23 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Hold the commanded lengths for a control period; reset environments that had ended.
+        """Hold the commanded lengths for a control period; reset as ``autoreset_mode`` says.
 
         Args:
             actions: entries in [-1, 1] (num_envs, m).
 
         Raises:
             InvalidActionError: an action is not valid; nothing has moved.
-            EpisodeError: no episode has begun.
+            EpisodeError: no episode has begun, or one has ended that the user is to reset.
         """
         checked = self._checked(actions)
         if not self._tasks:
             raise EpisodeError("there is no episode to step (none has begun): call reset")
         fleet, begins = self.fleet, self._ended.copy()
+        if self._autoreset is AutoresetMode.DISABLED and begins.any():
+            raise EpisodeError(
+                f"environment {np.flatnonzero(begins)[0]} has ended: reset it with reset_mask"
+            )
         report = fleet.step(checked, self._observed["target"], ~begins)
         diverged = np.asarray(report.diverged)
         moved = ~begins & ~diverged
@@ -197,19 +232,44 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._begin(int(i), None, {})
         self._ended = diverged | truncated
         self._known["success"][diverged] = False
+        same_step = self._autoreset is AutoresetMode.SAME_STEP and self._ended.any()
+        final = self._reset_ended(diverged) if same_step else {}
         observed, infos = self._results(np.ones(self.num_envs, dtype=bool))
-        if diverged.any():
-            infos["reason"] = np.full(self.num_envs, None, dtype=object)
-            infos["reason"][diverged] = str(DivergedError())
-            infos["_reason"] = diverged.copy()
-        return observed, reward, diverged, truncated, infos
+        if not final:
+            infos |= self._reasons(diverged)
+        return observed, reward, diverged, truncated, infos | final
+
+    def _reset_ended(self, diverged: Bools) -> Infos:
+        """Reset the environments that ended; return their last observations and infos."""
+        ended = self._ended.copy()
+        observed, infos = self._results(ended)
+        last = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended):
+            last[i] = {name: values[i] for name, values in observed.items()}
+            self._begin(int(i), None, {})
+        infos |= self._reasons(diverged)
+        return {
+            "final_obs": last,
+            "_final_obs": ended,
+            "final_info": infos,
+            "_final_info": ended.copy(),
+        }
+
+    def _reasons(self, diverged: Bools) -> Infos:
+        """Entries of infos with the reasons of environments that diverged, if any did."""
+        if not diverged.any():
+            return {}
+        reasons = np.full(self.num_envs, None, dtype=object)
+        reasons[diverged] = str(DivergedError())
+        return {"reason": reasons, "_reason": diverged.copy()}
 
     def _checked(self, actions: object) -> Floats:
-        array = np.asarray(actions, dtype=float)
-        if array.shape != self.action_space.shape:
+        array = real_numbers(actions)
+        if array is None or array.shape != self.action_space.shape:
             raise InvalidActionError(
-                f"actions must have the shape {self.action_space.shape}, one row an environment "
-                f"and one column a muscle, got {array.shape}"
+                f"actions must be real numbers of the shape {self.action_space.shape}, one row an "
+                "environment and one column a muscle, got "
+                f"{described(actions) if array is None else array.shape}"
             )
         check_actions(array, self.muscles)
         return array
@@ -240,8 +300,31 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         return {name: values.copy() for name, values in self._observed.items()}, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close the environment that resets happen in."""
-        self._env.close()
+        """Close the environment that resets happen in, if the arguments were valid."""
+        if hasattr(self, "_env"):
+            self._env.close()
+
+
+def _autoreset_mode(mode: object) -> AutoresetMode:
+    known = {each.value: each for each in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if not isinstance(mode, str) or mode not in known:
+        raise UnknownNameError("autoreset_mode", mode, known)
+    return known[mode]
+
+
+def _refuse_pictures(camera: bool, render_mode: str | None) -> None:
+    if camera:
+        raise ArgumentError(
+            "a vector environment has no camera: leave camera out, or ask for "
+            'vectorization_mode="async"'
+        )
+    if render_mode is not None:
+        raise ArgumentError(
+            "a vector environment does not render: leave render_mode out, or ask for "
+            'vectorization_mode="sync"'
+        )
 
 
 def _write(arrays: Mapping[str, NDArray[Any]], rows: Any, values: Mapping[str, Any]) -> None:

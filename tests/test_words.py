@@ -74,6 +74,7 @@ ALLOWED = {
     "wire_snaps",
     "childclass",  # an attribute of MJCF
     "child_frame_id",  # a field of ROS messages
+    "after_in_child",  # an argument of os.register_at_fork
 }
 PLURALS = {"senses": "sense", "ways": "way", "wires": "wire", "says": "say", "tells": "tell"}
 

@@ -25,10 +25,14 @@ def set_time_step(spec: mujoco.MjSpec, control_period: float) -> int:
     Raises:
         ArgumentError: the period is out of range.
     """
-    if not (isinstance(control_period, int | float) and SHORTEST <= control_period <= LONGEST):
+    if not (
+        isinstance(control_period, int | float | np.number)
+        and SHORTEST <= control_period <= LONGEST
+    ):
         raise ArgumentError(
             f"control_period is {control_period!r}, but must be from {SHORTEST} to {LONGEST} s"
         )
+    control_period = float(control_period)
     ratio = control_period / spec.option.timestep
     substeps = max(1, round(ratio))
     if not np.isclose(substeps, ratio):

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import real_numbers
 from kengoro_env.errors import ArgumentError
 from kengoro_env.robot.draft import Draft
 from kengoro_env.robot.friction import GrowingFriction
@@ -162,10 +163,8 @@ class Motors:
         shape = (len(self.muscles),)
         values = []
         for name, value in (("stiffness", stiffness), ("bias", bias)):
-            try:
-                array = np.asarray(value, dtype=float)
-            except (TypeError, ValueError):
-                array = np.array(np.nan)
+            found = real_numbers(value)
+            array = np.array(np.nan) if found is None else found
             if array.shape not in ((), shape) or not np.all(np.isfinite(array) & (array >= 0)):
                 raise ArgumentError(
                     f"set_stiffness: {name} must be finite, not negative and of shape () or "

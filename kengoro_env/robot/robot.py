@@ -26,6 +26,7 @@ from kengoro_env.robot.motor_gains import gains_of
 from kengoro_env.robot.motor_heat import MotorHeat
 from kengoro_env.robot.motors import Motors
 from kengoro_env.robot.muscle_law import Gains
+from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.robot.sensors import Sensors
 from kengoro_env.robot.tendons import actuated_joints, wind
 from kengoro_env.types import Floats
@@ -168,19 +169,32 @@ class Robot(Body):
             self._target += self._sensors.length_offset
         self._left_at[:] = np.nan
 
-    def become(self, other: Robot) -> None:
-        """Copy the state of another robot of the same model."""
+    def state(self) -> RobotState:
+        """The present state; it shares the generator of the noise with this robot."""
+        physics = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self.data, physics, STATE)
+        return RobotState(
+            physics,
+            self.data.actuator_force.copy(),
+            {name: getattr(self.model, name).copy() for name in self.changing_fields},
+            self.motors.elongation,
+            self.target,
+            self.random,
+            list(self.events),
+        )
+
+    def restore(self, state: RobotState) -> None:
+        """Continue from the state of a robot of the same model, and share its generator."""
         model, data = self.model, self.data
-        state = np.empty(mujoco.mj_stateSize(model, STATE))
-        mujoco.mj_getState(other.model, other.data, state, STATE)
-        for name in self.changing_fields:
-            getattr(model, name)[:] = getattr(other.model, name)
-        self.motors.elongate(other.motors.elongation)
+        for name, values in state.fields.items():
+            getattr(model, name)[:] = values
+        self.motors.elongate(state.elongation)
         mujoco.mj_resetData(model, data)
-        mujoco.mj_setState(model, data, state, STATE)
+        mujoco.mj_setState(model, data, state.physics, STATE)
         mujoco.mj_forward(model, data)
-        self._target[:], self._left_at[:] = other._target, np.nan
-        self.random, self.events = other.random, list(other.events)
+        data.actuator_force[:] = state.forces
+        self._target[:], self._left_at[:] = state.target, np.nan
+        self.random, self.events = state.random, list(state.events)
 
     def step(self, target: Floats) -> None:
         """Hold target lengths by muscle stiffness control for one control period.

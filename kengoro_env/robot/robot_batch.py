@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,20 +12,36 @@ from mujoco.batch import Batch
 
 from kengoro_env.robot.body import Body
 from kengoro_env.robot.draft import Event
-from kengoro_env.robot.robot import DIVERGENCE, STATE, Robot
+from kengoro_env.robot.robot import DIVERGENCE, Robot
+from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.types import Bools, Floats
 
 _BOUND = ("actuator_force", "ten_length", "ten_velocity", "site_xpos", "site_xmat")
 """Fields of `MjData` that are read after each step; one bound later is zero until the next step."""
 
 
+class _Data:
+    """Arrays of a batch; the actuators' forces are a copy, which a restored state may set.
+
+    Args:
+        batch: the batch.
+        forces: forces of the actuators (count, nu) [N, N m].
+    """
+
+    def __init__(self, batch: Batch, forces: Floats) -> None:
+        self._batch, self.actuator_force = batch, forces
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._batch, name)
+
+
 class RobotBatch(Body):
     """``count`` robots like ``robot``.
 
-    The robots start undefined: `take` sets each to the state of ``robot``.
+    The robots start undefined: `restore` sets the state of each.
 
     Args:
-        robot: the template; resets happen in it.
+        robot: the template.
         count: number of robots.
         threads: number of threads that step them; 0: one per core.
     """
@@ -33,7 +50,6 @@ class RobotBatch(Body):
 
     def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
         vars(self).update(vars(robot))  # names, sensors and sizes, which all robots share
-        self._robot = robot
         # Friction that follows tension needs one call per time step. Then one `MjData` a thread,
         # which stays in the cache of its core, is faster than one a robot; otherwise it is slower.
         persistent = not robot.motors.frictions
@@ -43,30 +59,42 @@ class RobotBatch(Body):
         self._find_arrays()
         fields = robot.changing_fields
         self._fields = SimpleNamespace(**{name: self._batch.expand(name) for name in fields})
-        self.motors = robot.motors.of_many(count, self._fields, self._batch)
+        self._forces = np.zeros((count, robot.model.nu))
+        data = _Data(self._batch, self._forces)
+        self.motors = robot.motors.of_many(count, self._fields, data)
         self._target = np.zeros((count, len(robot.muscles)))
         self._random = [np.random.default_rng(0)] * count
         self._events = [list(robot.events)] * count
         self._next_event = np.full(count, np.inf)  # time of each robot's next event [s]
-        self._state = np.empty(mujoco.mj_stateSize(robot.model, STATE))
 
     @property
     def time(self) -> Floats:
         """Simulated time since each robot's last reset (count,) [s]."""
         return self._batch.bind("time").copy()
 
-    def take(self, i: int) -> None:
-        """Set robot ``i`` to the present state of the template; call it after each reset."""
-        robot, batch = self._robot, self._batch
-        mujoco.mj_getState(robot.model, robot.data, self._state, STATE)
-        for name, values in vars(self._fields).items():
-            values[i] = getattr(robot.model, name)
-        self.motors.elongate_one(i, robot.motors.elongation)
-        batch.state[i], batch.warning[i] = self._state, 0
+    def restore(self, i: int, state: RobotState) -> None:
+        """Continue robot ``i`` from a state, and share its generator."""
+        batch = self._batch
+        for name, values in state.fields.items():
+            getattr(self._fields, name)[i] = values
+        self.motors.elongate_one(i, state.elongation)
+        batch.state[i], batch.warning[i] = state.physics, 0
         batch.forward([i])
-        self._target[i] = robot.target
-        self._random[i], self._events[i] = robot.random, list(robot.events)
-        self._next_event[i] = _first_time(robot.events)
+        self._forces[i], self._target[i] = state.forces, state.target
+        self._random[i], self._events[i] = state.random, list(state.events)
+        self._next_event[i] = _first_time(state.events)
+
+    def state(self, i: int) -> RobotState:
+        """The present state of robot ``i``; it shares the generator of the noise with it."""
+        return RobotState(
+            self._batch.state[i].copy(),
+            self._forces[i].copy(),
+            {name: values[i].copy() for name, values in vars(self._fields).items()},
+            self.motors.elongation[i],
+            self._target[i].copy(),
+            self._random[i],
+            list(self._events[i]),
+        )
 
     def step(self, target: Floats, moving: Bools) -> Bools:
         """Hold target lengths by muscle stiffness control for one control period.
@@ -91,10 +119,12 @@ class RobotBatch(Body):
             for _ in range(self._substeps - 1):
                 motors.update_friction()
                 batch.step(ids)
+                self._forces[:] = batch.bind("actuator_force")
             motors.update_friction()
             batch.step(ids, stage=stage)
         else:
             batch.step(ids, self._substeps, stage)
+        self._forces[:] = batch.bind("actuator_force")
         warned = batch.warning[:, DIVERGENCE, 1]  # (last info, number)
         velocity = batch.bind("qvel")
         finite = np.isfinite(np.vecdot(velocity, velocity))  # as in `Robot`

@@ -15,6 +15,9 @@ from kengoro_env.stepping.tracked_object import TrackedObject
 
 Steps = CompiledSteps | NumpySteps
 
+MOST_THREADS = 256
+"""Largest number of threads, that of control_step.c."""
+
 ROBOTS_PER_THREAD = 4
 """A further thread pays only for this many robots or more."""
 
@@ -37,20 +40,20 @@ def steps_of_one(
 
 
 def steps_of_many(robot: Robot, bounds: LengthBounds, count: int, threads: int) -> Steps:
-    """Control steps of ``count`` copies of ``robot``, which stays their template.
+    """Control steps of ``count`` copies of ``robot``, whose states `restore` sets.
 
     Args:
-        robot: the template; `take` sets a copy to its state.
+        robot: the template.
         bounds: bounds of the lengths, for actions and observations.
         count: number of copies.
-        threads: number of threads, at most 256; 0: as many as pay, at most one per core.
+        threads: number of threads, at most `MOST_THREADS`; 0: as many as pay, at most one per core.
     """
     compiled = library()
     if compiled is None:
         return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
     threads = threads or min(cores(), max(1, count // ROBOTS_PER_THREAD))
     robots = copies(robot, count)
-    return CompiledSteps(compiled, robots, bounds, robot.muscles, template=robot, threads=threads)
+    return CompiledSteps(compiled, robots, bounds, robot.muscles, single=False, threads=threads)
 
 
 def cores() -> int:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.errors import DivergedError
 from kengoro_env.robot.robot import Robot
+from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.spaces import LengthBounds, check_actions
 from kengoro_env.stepping.report import Report
 from kengoro_env.stepping.step_structures import Fleet, Step, fill
@@ -40,7 +41,7 @@ class CompiledSteps:
         bounds: bounds of the lengths, for actions and observations.
         entries: names of the entries of an action: muscles, then "fingers" if they are commanded.
         tracked: the object that the hand of a single robot is to lift.
-        template: the robot that `take` copies states from; None for a single robot.
+        single: whether rows have no axis of robots.
         threads: number of threads that step the robots, at most 256.
     """
 
@@ -51,11 +52,10 @@ class CompiledSteps:
         bounds: LengthBounds,
         entries: Sequence[str],
         tracked: TrackedObject | None = None,
-        template: Robot | None = None,
+        single: bool = True,
         threads: int = 1,
     ) -> None:
-        self._robots, self._entries, self._template = robots, entries, template
-        self._single = template is None
+        self._robots, self._entries, self._single = robots, entries, single
         count, m, n = len(robots), len(robots[0].muscles), len(robots[0].joints)
         actions = np.full((count, m + 1), -1.0)  # -1 opens fingers that have no entry
         self._noisy = robots[0].kinds_of_noise > 0
@@ -143,10 +143,13 @@ class CompiledSteps:
         diverged = False if self._single else self._outcomes == DIVERGED
         return _new_report((observation, truth, error, tension, state, diverged))
 
-    def take(self, i: int) -> None:
-        """Set robot ``i`` of many to the state of their template; call it after each reset."""
-        assert self._template is not None
-        self._robots[i].become(self._template)
+    def restore(self, i: int, state: RobotState) -> None:
+        """Continue robot ``i`` of many from a state."""
+        self._robots[i].restore(state)
+
+    def state(self, i: int) -> RobotState:
+        """The present state of robot ``i`` of many."""
+        return self._robots[i].state()
 
     def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of robot ``i``, to read from."""
@@ -187,7 +190,7 @@ class CompiledSteps:
 
 
 def copies(robot: Robot, count: int) -> list[Robot]:
-    """Robots like ``robot``, whose states are set by `CompiledSteps.take`.
+    """Robots like ``robot``, whose states are set by `CompiledSteps.restore`.
 
     They share one model if a simulation does not change it.
     """

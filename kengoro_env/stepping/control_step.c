@@ -115,10 +115,15 @@ static double at_least(double value, double least) { return value < least ? leas
 
 static double at_most(double value, double most) { return value > most ? most : value; }
 
+/* Largest entry of an action, which counts as 1: as LARGEST of spaces.py. */
+static const double LARGEST = 1.0 + 1e-6;
+
+static double entry(const Step* s, int64_t i) { return at_most(at_least(s->action[i], -1.0), 1.0); }
+
 static int is_valid(const Step* s) {
   int64_t entries = s->muscles + (s->fingers >= 0);
   for (int64_t i = 0; i < entries; i++) {
-    if (!(fabs(s->action[i]) <= 1.0)) return 0;
+    if (!(fabs(s->action[i]) <= LARGEST)) return 0;
   }
   return 1;
 }
@@ -127,12 +132,12 @@ static int is_valid(const Step* s) {
 static void command(const Step* s) {
   double* ctrl = s->data->ctrl;
   for (int64_t i = 0; i < s->muscles; i++) {
-    s->target[i] = s->action[i] * s->half[i] + s->middle[i];
+    s->target[i] = entry(s, i) * s->half[i] + s->middle[i];
     double paid_out = s->target[i] + s->zero[i];
     if (s->length_offset) paid_out -= s->length_offset[i];
     ctrl[s->actuator[i]] = s->spool[i] < 0 ? paid_out + s->elongation[i] : paid_out;
   }
-  if (s->fingers >= 0) ctrl[s->fingers] = s->action[s->muscles];
+  if (s->fingers >= 0) ctrl[s->fingers] = entry(s, s->muscles);
 }
 
 static void update_friction(const Step* s) {

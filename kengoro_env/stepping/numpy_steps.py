@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import Robot
 from kengoro_env.robot.robot_batch import RobotBatch
+from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.spaces import LengthBounds, check_actions
 from kengoro_env.stepping.report import Report, measured_report
 from kengoro_env.stepping.tracked_object import TrackedObject
@@ -46,19 +47,25 @@ class NumpySteps:
         """Carry out actions for one control period; see `CompiledSteps.step`."""
         check_actions(actions, self._entries)
         robots, count = self._robots, len(self._robots.muscles)
-        target = self._bounds.to_lengths(actions[..., :count].astype(float))
+        clipped: Floats = np.clip(actions.astype(float), -1.0, 1.0)
+        target = self._bounds.to_lengths(clipped[..., :count])
         if isinstance(robots, Robot):
-            robots.close_fingers(float(actions[-1]) if len(actions) > count else -1.0)
+            robots.close_fingers(float(clipped[-1]) if len(clipped) > count else -1.0)
             robots.step(target)
             return measured_report(robots, self._bounds, goals, self._tracked)
         assert moving is not None
         diverged = robots.step(target, moving)
         return measured_report(robots, self._bounds, goals, diverged=diverged)
 
-    def take(self, i: int) -> None:
-        """Set robot ``i`` of many to the state of their template; call it after each reset."""
+    def restore(self, i: int, state: RobotState) -> None:
+        """Continue robot ``i`` of many from a state."""
         assert isinstance(self._robots, RobotBatch)
-        self._robots.take(i)
+        self._robots.restore(i, state)
+
+    def state(self, i: int) -> RobotState:
+        """The present state of robot ``i`` of many."""
+        assert isinstance(self._robots, RobotBatch)
+        return self._robots.state(i)
 
     def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of robot ``i``, to read from."""

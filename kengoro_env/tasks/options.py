@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kengoro_env.arguments import real_numbers
 from kengoro_env.errors import ArgumentError, UnknownNameError
 from kengoro_env.robot.robot import Robot
 from kengoro_env.types import Floats
@@ -55,10 +56,7 @@ def finite(name: str, value: object, size: int) -> Floats:
     Raises:
         ArgumentError: the value has another shape, or an entry is not a finite number.
     """
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != (size,) or not np.all(np.isfinite(array)):
+    array = real_numbers(value)
+    if array is None or array.shape != (size,) or not np.all(np.isfinite(array)):
         raise ArgumentError(f"{name} must be {size} finite numbers, got {value!r}")
     return array

@@ -8,9 +8,11 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from threading import Lock
 from typing import Any
 
 import mujoco
+import numpy as np
 from gymnasium import logger
 from mujoco.rendering.classic import gl_context
 
@@ -18,7 +20,7 @@ from kengoro_env.errors import RenderingError
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.vision import gl_backend
 from kengoro_env.vision.quick_renderer import Image, QuickRenderer
-from kengoro_env.vision.renderer import Renderer
+from kengoro_env.vision.renderer import Renderer, refuse_in_a_fork
 from kengoro_env.vision.simplified_scene import SimpleRenderer
 
 WIDTH, HEIGHT = 640, 480
@@ -43,7 +45,7 @@ def open_renderer(
     height: int = HEIGHT,
     quality: Mapping[str, int] = QUALITY,
     simple: bool = False,
-) -> mujoco.Renderer:
+) -> Renderer:
     """Renderer of a model, with the first of MuJoCo's GL backends that works here.
 
     MuJoCo's own renderers use that backend from then on.
@@ -57,8 +59,9 @@ def open_renderer(
             `QuickRenderer` if C code can be compiled and a pixel is one sample.
 
     Raises:
-        RenderingError: no backend works.
+        RenderingError: no backend works, or this process is a fork of one that has rendered.
     """
+    refuse_in_a_fork()
     chosen = os.environ.get("MUJOCO_GL")
     tried = gl_backend.candidates()
     reason = "no GL library found"
@@ -84,9 +87,9 @@ def open_renderer(
     )
 
 
-def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> mujoco.Renderer:
+def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> Renderer:
     """A renderer that has rendered a first, empty image."""
-    kind: Callable[..., mujoco.Renderer] = SimpleRenderer if simple else Renderer
+    kind: Callable[..., Renderer] = SimpleRenderer if simple else Renderer
     if simple and not model.vis.quality.offsamples and (compiled := library()) is not None:
         kind = partial(QuickRenderer, compiled)
     with warnings.catch_warnings():
@@ -116,7 +119,7 @@ def _cheap(
 
 
 class Painter:
-    """Renders a model offscreen. The first image opens the GL context.
+    """Renders a model offscreen, in any thread. The first image opens the GL context.
 
     A copied or unpickled painter opens a context of its own.
 
@@ -136,7 +139,8 @@ class Painter:
     ) -> None:
         self._model, self._width, self._height = model, width, height
         self._quality = quality
-        self._renderer: mujoco.Renderer | None = None
+        self._renderer: Renderer | None = None
+        self._lock = Lock()
 
     def draw(
         self,
@@ -154,20 +158,27 @@ class Painter:
             visible: which elements are rendered; MuJoCo's default if left out.
 
         Raises:
-            RenderingError: no GL backend works here.
+            RenderingError: no GL backend works here, or this process is a fork of one that has
+                rendered.
         """
-        if self._renderer is None:
-            self._renderer = open_renderer(
-                *(self._model, self._width, self._height, self._quality), simple=True
-            )
-        scene = self._renderer.scene
-        self._renderer.update_scene(data, camera, *(() if visible is None else (visible,)))
-        # Shadows and reflections take most of the time, and make markers harder to detect.
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
-        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        if decorate is not None:
-            decorate(scene)
-        return self._renderer.render()
+        refuse_in_a_fork()
+        with self._lock:
+            if self._renderer is None:
+                self._renderer = open_renderer(
+                    *(self._model, self._width, self._height, self._quality), simple=True
+                )
+            renderer = self._renderer
+            try:
+                scene = renderer.scene
+                renderer.update_scene(data, camera, *(() if visible is None else (visible,)))
+                # Shadows and reflections take most of the time, and make markers harder to detect.
+                scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+                scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+                if decorate is not None:
+                    decorate(scene)
+                return np.asarray(renderer.render())
+            finally:
+                renderer.release()
 
     def close(self) -> None:
         """Free the GL context; the next image opens another."""
@@ -176,7 +187,12 @@ class Painter:
             self._renderer = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_renderer": None}
+        """State of a copy, without the GL context."""
+        return {**self.__dict__, "_renderer": None, "_lock": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._lock = Lock()
 
 
 def open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

@@ -125,9 +125,16 @@ def test_time_limits() -> None:
         ([0, np.nan, 0], r"entry 1 of the action \(brachialis\) is nan"),
         ([0, 0, np.inf], r"entry 2 of the action \(triceps\) is inf"),
         ([-1.01, 0, 0], r"entry 0 of the action \(biceps\) is -1.01"),
-        ("pull", r"3 numbers within \[-1, 1\]"),
+        ("pull", r"3 real numbers within \[-1, 1\]"),
         (None, "action"),
-        ([0, "x", 0], "3 numbers"),
+        ([0, "x", 0], "3 real numbers"),
+        (np.zeros(3, dtype=complex), r"3 real numbers.*got a ndarray of complex128$"),
+        (np.ma.masked_array(np.zeros(3), [1, 0, 0]), r"real.*got a MaskedArray of float64$"),
+        (np.zeros(3, dtype="timedelta64[s]"), "3 real numbers"),
+        ([0, np.ma.masked_array([0.0]), 0], "3 real numbers"),
+        (np.array([0, 1j, 0], dtype=object), r"3 real numbers.*got a ndarray of object$"),
+        ([0, 1.00001, 0], r"entry 1 of the action \(brachialis\) is 1\.00001: "),
+        (np.array([0, 0, -1.00001], dtype=np.float32), r"\(triceps\) is -1\.0000"),
     ],
 )
 def test_a_bad_action_is_named(action: Any, sentence: str) -> None:
@@ -138,6 +145,34 @@ def test_a_bad_action_is_named(action: Any, sentence: str) -> None:
     before = env.robot.time
     env.step(np.zeros(3))
     assert env.robot.time > before
+
+
+@pytest.mark.parametrize("kind", [float, np.float32])
+def test_what_rounding_takes_beyond_one_commands_what_one_does(kind: type) -> None:
+    bits = []
+    for largest in (1.0, 1.0000001, 1.0 + 9e-7):
+        env = make("Kengoro/Elbow-v0")
+        env.reset(seed=0)
+        action = np.array([largest, 0.0, -largest], dtype=kind)
+        lengths = [env.step(action)[0]["lengths"], env.robot.target, env.action_to_lengths(action)]
+        bits.append(np.stack(lengths))
+        assert np.array_equal(lengths[1], lengths[2])
+    assert np.array_equal(bits[0], bits[1])
+    assert np.array_equal(bits[0], bits[2])
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_info_holds_arrays_and_numbers_of_numpy_of_the_same_types(env_id: str) -> None:
+    """Learning libraries read the dtypes from a first step."""
+    env = make(env_id)
+    _, first = env.reset(seed=0)
+    *_, later = env.step(np.zeros(env.action_space.shape))
+    for info in (first, later):
+        assert set(info) == set(first)
+        for name, value in info.items():
+            assert isinstance(value, np.ndarray | np.float64), name
+            assert (value.dtype, value.shape) == (first[name].dtype, first[name].shape)
+    assert (first["success"].dtype, first["time"].dtype) == (np.bool_, np.float64)
 
 
 def test_a_bad_entry_for_the_fingers_is_named() -> None:
@@ -241,7 +276,8 @@ def test_divergence_ends_the_episode(value: float) -> None:
     observation, reward, terminated, truncated, info = env.step(np.zeros(3))
     assert (terminated, truncated) == (True, False)
     assert "diverged" in info["reason"]
-    assert info["success"] is False
+    assert info["success"].shape == ()
+    assert not info["success"]
     assert np.isfinite(reward)
     for name, entry in observation.items():
         assert np.array_equal(entry, before[name])

@@ -261,7 +261,7 @@ def test_actions_of_many_kinds(action: Any) -> None:
         np.zeros((3, 1), dtype=np.float32),
         np.array([0.0, np.nan, 0.0], dtype=np.float32),
         np.array([0.0, np.inf, 0.0]),
-        np.array([0.0, 0.0, -1.0000001]),
+        np.array([0.0, 0.0, -1.000002]),
         np.array([0.0, None, 0.0]),
         np.array(["0.1", "up", "0.3"]),
         None,

@@ -20,7 +20,7 @@ def test_success_and_reward_follow_the_target() -> None:
         env.set_stiffness(50_000.0, 30.0)
         for _ in range(50):
             _, rewards[start], _, _, info = env.step(hold)
-        assert info["success"] is (start == 1.3)
+        assert bool(info["success"]) is (start == 1.3)
     assert rewards[0.3] < rewards[0.8] < rewards[1.3]
 
 
@@ -74,7 +74,7 @@ def test_a_can_off_the_table_ends_the_episode() -> None:
     assert terminated
     assert steps * 0.02 > FALLEN_TIME  # until then it may be put back
     assert info["reason"] == "the can fell off the table"
-    assert info["success"] is False
+    assert not info["success"]
 
 
 def test_a_can_that_is_put_back_in_time_ends_nothing() -> None:

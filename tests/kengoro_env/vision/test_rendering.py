@@ -45,6 +45,7 @@ def python(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
         env={**environment, **variables},
         capture_output=True,
         text=True,
+        timeout=120.0,
     )
 
 
@@ -247,3 +248,95 @@ def test_a_painter_may_be_deleted_in_another_thread() -> None:
     ended = python(DELETED_IN_A_THREAD)
     assert ended.stdout.strip() == "(480, 640, 3)"
     assert ended.stderr == ""
+
+
+IMAGES_IN_THREADS = """
+import threading
+import gymnasium, kengoro_env, numpy as np
+env = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+env.reset(seed=0)
+expected = env.render()
+def compare():
+    print(all(np.array_equal(env.render(), expected) for _ in range(3)))
+for together in (1, 1, 4):  # one after the other, then at once
+    threads = [threading.Thread(target=compare) for _ in range(together)]
+    for thread in threads: thread.start()
+    for thread in threads: thread.join()
+    compare()
+thread = threading.Thread(target=env.close)
+thread.start()
+thread.join()
+compare()
+"""
+
+
+def test_any_thread_may_render() -> None:
+    ended = python(IMAGES_IN_THREADS)
+    assert ended.stdout.split() == ["True"] * 10, ended.stderr
+    assert ended.stderr == ""
+
+
+FORKED = """
+import gc, os, sys
+import gymnasium, kengoro_env
+before = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+before.reset(seed=0)
+if sys.argv[1] == "image": before.render()
+child = os.fork()
+if child == 0:
+    after = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+    after.reset(seed=0)
+    for env in (before, after):
+        try:
+            print(env.render().shape)
+        except kengoro_env.KengoroError as error:
+            print(error)
+        env.close()
+    del before, after, env
+    gc.collect()
+    sys.exit()
+_, status = os.waitpid(child, 0)
+print(os.waitstatus_to_exitcode(status), before.render().shape)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+@pytest.mark.parametrize("rendered", [True, False])
+def test_a_fork_after_an_image_reports_that_it_cannot_render(rendered: bool) -> None:
+    before = f"import sys; sys.argv = ['', '{'image' if rendered else ''}']\n"
+    ended = python(before + FORKED)
+    assert ended.stderr == ""
+    *forked, parent = ended.stdout.splitlines()
+    assert parent == "0 (480, 640, 3)"
+    if rendered:
+        assert len(forked) == 2
+        for line in forked:
+            assert line.startswith("this process was forked from one that had rendered an image")
+            assert 'AsyncVectorEnv(..., context="spawn")' in line
+    else:
+        assert forked == ["(480, 640, 3)"] * 2
+
+
+ASYNC = """
+import gymnasium, kengoro_env
+if __name__ == "__main__":
+    drawn = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+    drawn.reset(seed=0)
+    drawn.render()
+    envs = gymnasium.make_vec(
+        "Kengoro/Posture-v0", 2, "async", {{"context": "{context}"}}, camera=True
+    )
+    try:
+        print(envs.reset(seed=0)[0]["frame"].shape)
+    except kengoro_env.KengoroError as error:
+        print(error)
+    envs.close()
+"""
+
+
+@pytest.mark.parametrize(
+    ("context", "result"),
+    [("fork", "this process was forked from one that had"), ("spawn", "(2, 480, 640, 3)")],
+)
+def test_processes_of_gymnasium_render_or_name_the_reason(context: str, result: str) -> None:
+    assert python(ASYNC.format(context=context)).stdout.startswith(result)
