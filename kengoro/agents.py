@@ -25,6 +25,8 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.can_finder import CanFinder
+from jmm_agent.vision.can_shape import CanKind, CanShape
 from jmm_agent.vision.hand_detection import HandDetector
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
@@ -32,7 +34,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import READY
 from kengoro.hand_weights import trained_hand
 from kengoro.nominal_robot import NominalRobot
-from kengoro.robots import SIDES, arm_scene, check_hand, check_seed, sample_within
+from kengoro.robots import SIDES, arm_scene, check_can, check_hand, check_seed, sample_within
 from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
@@ -64,6 +66,7 @@ def make_agent(
     dictionary: str = "DICT_4X4_50",
     detector: Detector | None = None,
     hand: HandKind | Path | HandDetector | None = None,
+    can: CanKind | CanShape | None = None,
     motors: MotorControl | None = None,
     scales: RobotScales | None = None,
     options: AgentOptions | None = None,
@@ -88,6 +91,7 @@ def make_agent(
         dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
         hand: "marker", "seen", or a detector that sees it or its file; by ``options`` if left out.
+        can: "marker", "seen", or the shape of a can that is seen; by ``options`` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
         options: of the agent; they name its camera and markers, too. Others derive from the model.
@@ -103,6 +107,7 @@ def make_agent(
     """
     order, own = _order(seed, commissioning), scene is not None
     options, sees = _chosen(options, guard, hand, own, camera)
+    options = _with_can(options, can)
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
@@ -115,9 +120,11 @@ def make_agent(
 def _known(
     design: _Design, jmm: JointMuscleMap, cache: Path | None, hand: HandDetector | None
 ) -> dict[str, Any]:
-    """What is known of loads, of points of attachment, and of the hand's shape."""
-    points = points_of(jmm, design.robot.model, cache)
-    return {"loads": design.robot.arm, "points": points, "hand": hand}
+    """What is known of loads, of points of attachment, and of the shapes of hand and can."""
+    points, options = points_of(jmm, design.robot.model, cache), design.options
+    sees = options.can == "seen" and options.camera
+    can = CanFinder(design.camera, options.can_shape) if sees else None
+    return {"loads": design.robot.arm, "points": points, "hand": hand, "can": can}
 
 
 def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:
@@ -173,11 +180,11 @@ def _mapped(
 def _detector(
     design: _Design, marker_sides: Mapping[int, float], dictionary: str
 ) -> Detector | None:
-    """Detector of the markers; None if there is no camera, or no marker but that of the hand."""
+    """Detector of the markers; None if there is no camera, or no marker on what is not seen."""
     options = design.options
-    if options.vision.hand == "seen":
-        others = marker_sides.items()
-        marker_sides = {one: side for one, side in others if one != options.hand_marker}
+    gone = {options.hand_marker} if options.vision.hand == "seen" else set()
+    gone |= {options.can_marker} if options.can == "seen" else set()
+    marker_sides = {one: side for one, side in marker_sides.items() if one not in gone}
     if not options.camera or not (marker_sides or options.vision.hand == "marker"):
         return None
     return MarkerDetector(design.camera, marker_sides, dictionary)
@@ -214,6 +221,16 @@ def _chosen(
     if own and sees is not None and options.marker_site == AgentOptions().marker_site:
         options = replace(options, marker_site=sees.frame)
     return options, sees
+
+
+def _with_can(options: AgentOptions, can: CanKind | CanShape | None) -> AgentOptions:
+    """Options with this can, if one is given."""
+    if can is None:
+        return options
+    if isinstance(can, CanShape):
+        return replace(options, can="seen", can_shape=can)
+    check_can(can)
+    return replace(options, can=can)
 
 
 def _design(
