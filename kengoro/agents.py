@@ -105,16 +105,33 @@ def make_agent(
         UsageError: an argument is not valid, or the model has no such camera or marker.
         CommissioningError: a fault of the run cannot be undone.
     """
-    order, own = _order(seed, commissioning), scene is not None
-    options, sees = _chosen(options, guard, hand, own, camera)
-    options = _with_can(options, can)
+    options, sees = _chosen(options, guard, hand, can, _is_own(scene, seed), camera)
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
-    typical, start = _postures(design.robot, jmm.joints, own, postures, start)
+    posed = _postures(design.robot, jmm.joints, scene is not None, postures, start)
     given = detector or _detector(design, marker_sides, dictionary)
-    rng, known = np.random.default_rng([seed, 2]), _known(design, jmm, cache, sees)
-    agent = Agent(jmm, design.kinematics, given, typical, start, rng, design.options, rule, **known)
-    return _equipped(agent, design, learning, order, guard, guard_options)
+    agent = _made(design, jmm, given, posed, seed, rule, _known(design, jmm, cache, sees))
+    return _equipped(agent, design, learning, commissioning, guard, guard_options)
+
+
+def _is_own(scene: Path | str | None, seed: int) -> bool:
+    """Whether the robot is one's own; checks the seed, too."""
+    check_seed(seed)
+    return scene is not None
+
+
+def _made(
+    design: _Design,
+    jmm: JointMuscleMap,
+    detector: Detector | None,
+    posed: tuple[Floats, Floats],
+    seed: int,
+    rule: Rule | None,
+    known: dict[str, Any],
+) -> Agent:
+    """The agent, before it is equipped."""
+    rng, options = np.random.default_rng([seed, 2]), design.options
+    return Agent(jmm, design.kinematics, detector, *posed, rng, options, rule, **known)
 
 
 def _known(
@@ -127,9 +144,8 @@ def _known(
     return {"loads": design.robot.arm, "points": points, "hand": hand, "can": can}
 
 
-def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:
-    """Order of the muscles, if it is not that of the model; checks the seed, too."""
-    check_seed(seed)
+def _order(commissioning: Commissioning | None) -> MuscleOrder | None:
+    """Order of the muscles, if it is not that of the model."""
     order = None if commissioning is None else commissioning.order
     return order if order is not None and order.changes else None
 
@@ -138,14 +154,14 @@ def _equipped(
     agent: Agent,
     design: _Design,
     learning: bool,
-    order: MuscleOrder | None,
+    commissioning: Commissioning | None,
     guard: bool,
     options: GuardOptions | None,
 ) -> Agent:
     """The agent with its guard, and what it knows of the robot's motors and muscles."""
     agent.guard = _guard(design, agent.map, options) if guard else agent.guard
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
-    agent.learning, agent.order = learning, order
+    agent.learning, agent.order = learning, _order(commissioning)
     agent.heat = _heat(design, agent.map, agent.options)
     return agent
 
@@ -194,6 +210,7 @@ def _chosen(
     options: AgentOptions | None,
     guard: bool,
     hand: HandKind | Path | HandDetector | None,
+    can: CanKind | CanShape | None,
     own: bool,
     camera: Camera | None,
 ) -> tuple[AgentOptions, HandDetector | None]:
@@ -203,7 +220,7 @@ def _chosen(
     """
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    options = options or AgentOptions()
+    options = _with_can(options or AgentOptions(), can)
     if hand is not None:
         kind: HandKind = hand if isinstance(hand, str) else "seen"
         check_hand(kind)

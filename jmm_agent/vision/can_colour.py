@@ -7,7 +7,7 @@ import numpy as np
 
 from jmm_agent.vision.can_shape import CanShape
 
-BLUR_PX = 0.8
+BLUR_PX = 1.2
 """Width of the filter over a frame with little noise [px]."""
 BLUR_NOISE_PX = 1.6
 """The same over a frame with much noise [px]."""

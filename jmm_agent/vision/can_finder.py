@@ -20,27 +20,30 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.can_colour import painted, smoothed
-from jmm_agent.vision.can_fit import TILT, Fit, Picture, fit_can, upper_end
+from jmm_agent.vision.can_fit import Fit, Picture, fit_can, upper_end
 from jmm_agent.vision.can_search import candidates
 from jmm_agent.vision.can_shape import CanKind, CanShape, axes_across
 from jmm_agent.vision.marker_detector import MarkerPose
 from jmm_agent.vision.marker_input import check_frame
 
-AGREED = 0.5
-"""Least share of the outline of a can that has an edge in the frame [1]."""
-SURE = 0.8
-"""Share of the outline that leaves no doubt that the can is there [1]."""
+AGREED, ARC, SIDE = 0.75, 0.6, 0.25
+"""Least share of a can's outline that has an edge in the frame; of each arc, of each side [1]."""
+MISSED = 0.15
+"""Largest share of an arc whose edge is elsewhere [1].
+
+The edge of a thing that hides a part of the can may look like a side of it, and the can like a
+narrower one that is farther away. Then its arcs do not meet their edges."""
 FILLED = 0.5
 """Least share of painted pixels within it [1]."""
 SECOND = 0.8
 """A second candidate with this share of the best one's edges could be the can, too [1]."""
 A_PART = 0.25
 """Share of the outline that has an edge where a part of a can is seen [1]."""
-STANDS = 2.5
-"""Largest tilt of a standing can from the vertical [standard deviations of the latter]."""
+STANDS = float(np.deg2rad(10.0))
+"""Largest tilt of a standing can from the vertical as it is believed to be [rad]."""
 SIZE_ERROR = 0.01
 """Standard deviation of a can's size, relative to that of its shape [1]."""
-PLACE_ERROR = 0.001
+POSITION_ERROR = 0.001
 """Least standard deviation of its place along each axis [m]."""
 UNCERTAIN = 0.5
 """A can whose place has a larger standard deviation has no pose [radii]."""
@@ -55,8 +58,9 @@ class CanSkip(Enum):
     DARK = "the frame is black"
     NOT_SEEN = "the can is not in the frame"
     CUT = "the border of the frame cuts the can"
-    HIDDEN = "too much of the can is hidden"
+    HIDDEN = "a part of the can is hidden"
     TWICE = "another thing in the frame could be the can"
+    UNCERTAIN = "the can's place is too uncertain"
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ class CanFinder:
         """Candidates that were fitted, but for those within one that is a can for sure."""
         found: list[_Judged] = []
         for one in candidates(picture.mask, self._camera, self.shape, up):
-            if any(other.fit.agreed >= SURE and _within(one.centre, other.fit) for other in found):
+            if any(_whole(other.fit) and _within(one.centre, other.fit) for other in found):
                 continue
             fit = fit_can(picture, self.shape, one.can, up)
             if fit is not None:
@@ -126,21 +130,18 @@ class CanFinder:
 
     def _decide(self, found: list[_Judged], up: Floats) -> CanDetection | CanSkip:
         """The can among fitted candidates."""
-        parts = [one for one in found if one.fit.agreed >= A_PART and one.filled >= FILLED]
-        if not parts:
-            return CanSkip.NOT_SEEN
-        parts.sort(key=lambda one: -one.fit.agreed)
-        best = parts[0].fit
-        whole = [one.fit for one in parts if one.fit.agreed >= AGREED]
-        if self._is_cut(best):
-            return CanSkip.CUT
+        fits = [one.fit for one in found if one.filled >= FILLED and _stands(one.fit, up)]
+        fits.sort(key=lambda fit: -fit.agreed)
+        whole = [fit for fit in fits if _whole(fit)]
+        if not whole:
+            parts = [fit for fit in fits if fit.agreed >= A_PART]
+            if any(self._is_cut(fit) for fit in parts):
+                return CanSkip.CUT
+            return CanSkip.HIDDEN if parts else CanSkip.NOT_SEEN
+        best = whole[0]
         if any(_second(best, other) for other in whole[1:]):
             return CanSkip.TWICE
-        if not whole or not self._is_certain(best):
-            return CanSkip.HIDDEN
-        if float(np.arccos(np.clip(best.can.axis @ up, -1.0, 1.0))) > STANDS * TILT:
-            return CanSkip.NOT_SEEN
-        return self._detection(best)
+        return self._detection(best) if self._is_certain(best) else CanSkip.UNCERTAIN
 
     def _is_cut(self, fit: Fit) -> bool:
         """Whether the border of the frame cuts the outline."""
@@ -155,13 +156,25 @@ class CanFinder:
     def _detection(self, fit: Fit) -> CanDetection:
         """Pose and covariance; the error of the can's size is one of its distance."""
         position, covariance = upper_end(fit, self.shape)
-        covariance = covariance + PLACE_ERROR**2 * np.eye(3)
+        covariance = covariance + POSITION_ERROR**2 * np.eye(3)
         covariance += SIZE_ERROR**2 * np.outer(fit.can.middle, fit.can.middle)
         pose = np.eye(4)
         first, second = axes_across(fit.can.axis)
         pose[:3, :3] = np.column_stack([first, second, fit.can.axis])
         pose[:3, 3] = position
         return CanDetection(pose, covariance)
+
+
+def _whole(fit: Fit) -> bool:
+    """Whether most of the outline has edges, and nothing looks as if it were a side of the can."""
+    arcs, sides = fit.parts[::2], fit.parts[1::2]
+    there = fit.agreed >= AGREED and float(arcs.min()) >= ARC and float(sides.min()) >= SIDE
+    return there and float(fit.missed[::2].max()) <= MISSED
+
+
+def _stands(fit: Fit, up: Floats) -> bool:
+    """Whether the can stands upright."""
+    return float(np.arccos(np.clip(fit.can.axis @ up, -1.0, 1.0))) <= STANDS
 
 
 def _second(best: Fit, other: Fit) -> bool:

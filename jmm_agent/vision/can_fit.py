@@ -33,13 +33,13 @@ from jmm_agent.vision.can_shape import (
     tilted,
 )
 
-TILT = np.deg2rad(4.0)
+TILT = np.deg2rad(3.0)
 """Standard deviation of the direction in which the vertical is believed to be [rad]."""
 SPACING_PX = 2.0
 """Distance of neighbouring points of the outline [px]."""
 FEWEST, MOST = 8, 60
 """Least and largest number of points of an arc or a side."""
-ENDS = 0.1
+ENDS = 0.15
 """Share of each part at both ends that has no points, because corners have no clear edge [1]."""
 FAR_STEPS, NEAR_STEPS = 8, 5
 """Steps to the edges of painted pixels, and to those of the colours."""
@@ -49,7 +49,7 @@ NEAR_PX = 3.0
 """The same for edges of colours [px]."""
 SAMPLE_PX = 0.5
 """Distance of samples along a normal [px]."""
-AGREES_PX = 1.3
+AGREES_PX = 0.7
 """An edge within this of the outline agrees with it [px]."""
 EDGE_PX = 0.35
 """Least standard deviation of an edge [px]; pixels have a size."""
@@ -87,6 +87,7 @@ class Fit(NamedTuple):
         covariance: of its middle [m] and of its tilt about `axes_across` of its axis [rad] (5, 5).
         agreed: share of the outline's points with an edge there [1].
         parts: the same for the upper arc, one side, the lower arc and the other side (4,).
+        missed: share of the points of these parts whose edge is elsewhere (4,) [1].
         pixels: of the outline (n, 2).
     """
 
@@ -94,6 +95,7 @@ class Fit(NamedTuple):
     covariance: Floats
     agreed: float
     parts: Floats
+    missed: Floats
     pixels: Floats
 
 
@@ -167,11 +169,13 @@ class _Fitting:
         rows = jacobian[agrees]
         information = rows.T @ rows / (spread**2 * CORRELATED)
         information += np.diag([1e-2, 1e-2, 1e-2, 1 / TILT**2, 1 / TILT**2])
-        parts = np.array([np.mean(agrees[self._points.part == part]) for part in range(4)])
+        own = [self._points.part == part for part in range(4)]
+        parts = np.array([np.mean(agrees[part]) for part in own])
+        missed = np.array([np.mean((usable & ~agrees)[part]) for part in own])
         can = self._can(values)
         pixels, _ = outline_pixels(self._shape, can, self._picture.camera, self._points)
         covariance = np.asarray(np.linalg.inv(information), dtype=float)
-        return Fit(can, covariance, float(np.mean(agrees)), parts, pixels)
+        return Fit(can, covariance, float(np.mean(agrees)), parts, missed, pixels)
 
     def _can(self, values: Floats) -> Can:
         return Can(values[:3], tilted(self._up, values[3:]))
@@ -260,8 +264,8 @@ def _contrast(inner: Floats, outer: Floats, least: float) -> tuple[Floats, Float
 
 def _sampled(image: np.ndarray, pixels: Floats, normals: Floats, t: Floats) -> Floats:
     """Values of an image (H, W[, 3]) at distances t (k,) along normals (n, k[, 3]); 0 outside."""
-    places = (pixels[:, None] + t[None, :, None] * normals[:, None]).astype(np.float32)
-    x, y = places[..., 0], places[..., 1]
+    at = (pixels[:, None] + t[None, :, None] * normals[:, None]).astype(np.float32)
+    x, y = at[..., 0], at[..., 1]
     found = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(found, dtype=float)
 
