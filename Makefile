@@ -1,13 +1,16 @@
 # Each target sets up what it needs by itself: .venv/, the dependencies, and a way to render.
 # PYTHON chooses the interpreter that makes .venv (3.11 or newer).
-# HAND=seen shows the demo without a marker on the hand.
+# HAND=seen shows the demo without a marker on the hand, CAN=seen without one on the can;
+# DETECTOR=FILE sees the hand by a file of `kengoro hand-detector`.
 
 PYTHON ?= python3
-HAND ?= marker
+HAND ?= $(if $(DETECTOR),seen,marker)
+CAN ?= marker
+DETECTOR ?=
 VENV := .venv
 PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
-SEEN := $(patsubst %,-%,$(filter-out marker,$(HAND)))
+SEEN := $(patsubst %,-%,$(filter-out marker,$(HAND)))$(patsubst %,-can-%,$(filter-out marker,$(CAN)))
 INSTALLED := $(VENV)/.installed
 DOCS := $(VENV)/.docs
 RL := $(VENV)/.rl
@@ -18,7 +21,8 @@ PACKAGES := kengoro kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants
 .PHONY: demo test test-all check docs distributions clean
 
 demo: $(INSTALLED) $(RENDERS)
-	$(PY) -m experiments can-grasping --seeds 100-100 --hand $(HAND) --out out/can-grasping$(SEEN)
+	$(PY) -m experiments can-grasping --seeds 100-100 --hand $(HAND) --can $(CAN) \
+	  $(if $(DETECTOR),--detector $(DETECTOR)) --out out/can-grasping$(SEEN)
 
 # Triton, which comes with torch on Linux, crashes when it is imported after Mesa has drawn.
 test: $(INSTALLED) $(RENDERS)

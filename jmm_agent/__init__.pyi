@@ -41,6 +41,8 @@ from .tension_distribution import TensionOptions
 from .updaters import VisionOptions
 from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
+from .vision.can_finder import CanDetection, CanFinder, CanSkip
+from .vision.can_shape import CanShape
 from .vision.hand_detection import HandDetection, HandDetector, HandsDetector, HandSkip
 from .vision.hand_detector import TrainedHandDetector
 from .vision.hand_finder import HandSeen
@@ -57,6 +59,10 @@ __all__ = [
     "ArmKinematics",
     "Camera",
     "CameraClock",
+    "CanDetection",
+    "CanFinder",
+    "CanShape",
+    "CanSkip",
     "CheckpointError",
     "CommandLimits",
     "CommissionOptions",

@@ -71,6 +71,7 @@ from jmm_agent.updaters import (
 )
 from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
+from jmm_agent.vision.can_finder import CanDetection, CanFinder, CanSkip, can_of, checked_finder
 from jmm_agent.vision.hand_detection import HandDetector
 from jmm_agent.vision.hand_finder import HandSeen
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
@@ -102,6 +103,7 @@ class Agent:
         points: what displaced points of attachment do to the lengths, see
             `jmm_agent.mapping.point_weights`; None if unknown.
         hand: finds the hand in frames without a marker, for `VisionOptions(hand="seen")`.
+        can: finds the can in frames without a marker, for `AgentOptions(can="seen")`.
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
@@ -126,7 +128,7 @@ class Agent:
     Raises:
         AgentError: kinematics and map have different joints, a frame of the options or of the
             hand's detector is unknown, there is a detector without a camera, or not the one that
-            the options name.
+            the options name; the same of the can's finder.
     """
 
     limits: CommandLimits | None = None
@@ -148,6 +150,7 @@ class Agent:
         loads: Loads | None = None,
         points: PointWeights | None = None,
         hand: HandDetector | None = None,
+        can: CanFinder | None = None,
     ) -> None:
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
@@ -157,6 +160,7 @@ class Agent:
         self._learned, self.learner = learned, learned.learner
         self.antagonism, self.vision = learned.antagonism, learned.vision
         self._observer = HandObserver(detector, kinematics, options, hand)
+        self._can = checked_finder(can, options.can, options.camera)
         self._schedule = Schedule(learned, options.learning, self._map_changed)
         self._rests = RestLearning(learned, self._schedule, self._observer, options)
         limits, self.in_use = kinematics.limits, MusclesInUse(nominal_map.muscles)
@@ -645,6 +649,29 @@ class Agent:
         found, vision = self._observer.detect(readings, self.estimator.q), self.vision
         poses = {name: vision.corrected(one.pose_marker_in_camera) for name, one in found.items()}
         return {name: replace(found[name], pose_marker_in_camera=poses[name]) for name in found}
+
+    def detect_can(self, readings: SensorReadings) -> CanDetection | CanSkip:
+        """The can in the newest frame, by the marker on it or by its shape, or why it has no pose.
+
+        The pose is that of its marker, or of the middle of its upper end, in the camera as it is
+        believed to be, see `camera_unknowns`.
+
+        Args:
+            readings: of this control step.
+
+        Raises:
+            AgentError: the frame has a wrong shape or type.
+        """
+        if readings.frame is None:
+            return CanSkip.NO_FRAME
+        if self._can is None:
+            marker = self.detect_markers(readings).get(self.options.can_marker)
+            return CanSkip.NOT_SEEN if marker is None else can_of(marker)
+        turn = self.kinematics.pose(self.options.camera, self.estimator.q)[:3, :3]
+        found = self._can.detect(readings.frame, turn[2])
+        if isinstance(found, CanSkip):
+            return found
+        return replace(found, pose_can_in_camera=self.vision.corrected(found.pose_can_in_camera))
 
     def recall(
         self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import get_args
 
 from jmm_agent.errors import AgentError
 from jmm_agent.heat.parameters import HeatOptions
@@ -17,6 +18,7 @@ from jmm_agent.tension_distribution import TensionOptions
 from jmm_agent.time_line import TimeLineOptions
 from jmm_agent.updaters import AntagonismOptions, VisionOptions
 from jmm_agent.vision.camera_clock import CameraClock
+from jmm_agent.vision.can_shape import CanKind, CanShape
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,9 @@ class AgentOptions:
         camera_clock: delay and exposure of the camera.
         hand_marker: id of the marker on the hand.
         can_marker: id of the marker on the can.
+        can: how frames show the can: by the marker on it, or itself ("seen"), found by a
+            `CanFinder`.
+        can_shape: size and colour of a can that is seen.
         camera: frame of the camera in the kinematics; empty for a robot without a camera, whose
             hand is measured otherwise (`Agent.observe`).
         marker_site: site of the hand's marker in the kinematics.
@@ -54,7 +59,7 @@ class AgentOptions:
             `kengoro.make_agent` makes a `HeatMonitor` of; None: the motors' heat is not watched.
 
     Raises:
-        AgentError: `map_rate` is not positive.
+        AgentError: `map_rate` is not positive, or the can neither "marker" nor "seen".
     """
 
     learn_antagonism: bool = True
@@ -62,6 +67,8 @@ class AgentOptions:
     camera_clock: CameraClock = field(default_factory=CameraClock)
     hand_marker: int = 0
     can_marker: int = 1
+    can: CanKind = "marker"
+    can_shape: CanShape = field(default_factory=CanShape)
     camera: str = "eye"
     marker_site: str = "marker_hand"
     grip: str = "grip"
@@ -87,3 +94,5 @@ class AgentOptions:
                 f"AgentOptions: map_rate is {self.map_rate} m/s, but must be positive; infinite to "
                 "jump."
             )
+        if self.can not in get_args(CanKind):
+            raise AgentError(f"AgentOptions: can is {self.can!r}, but must be 'marker' or 'seen'.")

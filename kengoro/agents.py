@@ -25,6 +25,8 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.can_finder import CanFinder
+from jmm_agent.vision.can_shape import CanKind, CanShape
 from jmm_agent.vision.hand_detection import HandDetector
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
@@ -32,7 +34,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import READY
 from kengoro.hand_weights import trained_hand
 from kengoro.nominal_robot import NominalRobot
-from kengoro.robots import SIDES, arm_scene, check_hand, check_seed, sample_within
+from kengoro.robots import SIDES, arm_scene, check_can, check_hand, check_seed, sample_within
 from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
@@ -64,6 +66,7 @@ def make_agent(
     dictionary: str = "DICT_4X4_50",
     detector: Detector | None = None,
     hand: HandKind | Path | HandDetector | None = None,
+    can: CanKind | CanShape | None = None,
     motors: MotorControl | None = None,
     scales: RobotScales | None = None,
     options: AgentOptions | None = None,
@@ -88,6 +91,7 @@ def make_agent(
         dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
         hand: "marker", "seen", or a detector that sees it or its file; by ``options`` if left out.
+        can: "marker", "seen", or the shape of a can that is seen; by ``options`` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
         options: of the agent; they name its camera and markers, too. Others derive from the model.
@@ -101,28 +105,47 @@ def make_agent(
         UsageError: an argument is not valid, or the model has no such camera or marker.
         CommissioningError: a fault of the run cannot be undone.
     """
-    order, own = _order(seed, commissioning), scene is not None
-    options, sees = _chosen(options, guard, hand, own, camera)
+    options, sees = _chosen(options, guard, hand, can, _is_own(scene, seed), camera)
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
-    typical, start = _postures(design.robot, jmm.joints, own, postures, start)
+    posed = _postures(design.robot, jmm.joints, scene is not None, postures, start)
     given = detector or _detector(design, marker_sides, dictionary)
-    rng, known = np.random.default_rng([seed, 2]), _known(design, jmm, cache, sees)
-    agent = Agent(jmm, design.kinematics, given, typical, start, rng, design.options, rule, **known)
-    return _equipped(agent, design, learning, order, guard, guard_options)
+    agent = _made(design, jmm, given, posed, seed, rule, _known(design, jmm, cache, sees))
+    return _equipped(agent, design, learning, commissioning, guard, guard_options)
+
+
+def _is_own(scene: Path | str | None, seed: int) -> bool:
+    """Whether the robot is one's own; checks the seed, too."""
+    check_seed(seed)
+    return scene is not None
+
+
+def _made(
+    design: _Design,
+    jmm: JointMuscleMap,
+    detector: Detector | None,
+    posed: tuple[Floats, Floats],
+    seed: int,
+    rule: Rule | None,
+    known: dict[str, Any],
+) -> Agent:
+    """The agent, before it is equipped."""
+    rng, options = np.random.default_rng([seed, 2]), design.options
+    return Agent(jmm, design.kinematics, detector, *posed, rng, options, rule, **known)
 
 
 def _known(
     design: _Design, jmm: JointMuscleMap, cache: Path | None, hand: HandDetector | None
 ) -> dict[str, Any]:
-    """What is known of loads, of points of attachment, and of the hand's shape."""
-    points = points_of(jmm, design.robot.model, cache)
-    return {"loads": design.robot.arm, "points": points, "hand": hand}
+    """What is known of loads, of points of attachment, and of the shapes of hand and can."""
+    points, options = points_of(jmm, design.robot.model, cache), design.options
+    sees = options.can == "seen" and options.camera
+    can = CanFinder(design.camera, options.can_shape) if sees else None
+    return {"loads": design.robot.arm, "points": points, "hand": hand, "can": can}
 
 
-def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:
-    """Order of the muscles, if it is not that of the model; checks the seed, too."""
-    check_seed(seed)
+def _order(commissioning: Commissioning | None) -> MuscleOrder | None:
+    """Order of the muscles, if it is not that of the model."""
     order = None if commissioning is None else commissioning.order
     return order if order is not None and order.changes else None
 
@@ -131,14 +154,14 @@ def _equipped(
     agent: Agent,
     design: _Design,
     learning: bool,
-    order: MuscleOrder | None,
+    commissioning: Commissioning | None,
     guard: bool,
     options: GuardOptions | None,
 ) -> Agent:
     """The agent with its guard, and what it knows of the robot's motors and muscles."""
     agent.guard = _guard(design, agent.map, options) if guard else agent.guard
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
-    agent.learning, agent.order = learning, order
+    agent.learning, agent.order = learning, _order(commissioning)
     agent.heat = _heat(design, agent.map, agent.options)
     return agent
 
@@ -173,11 +196,11 @@ def _mapped(
 def _detector(
     design: _Design, marker_sides: Mapping[int, float], dictionary: str
 ) -> Detector | None:
-    """Detector of the markers; None if there is no camera, or no marker but that of the hand."""
+    """Detector of the markers; None if there is no camera, or no marker on what is not seen."""
     options = design.options
-    if options.vision.hand == "seen":
-        others = marker_sides.items()
-        marker_sides = {one: side for one, side in others if one != options.hand_marker}
+    gone = {options.hand_marker} if options.vision.hand == "seen" else set()
+    gone |= {options.can_marker} if options.can == "seen" else set()
+    marker_sides = {one: side for one, side in marker_sides.items() if one not in gone}
     if not options.camera or not (marker_sides or options.vision.hand == "marker"):
         return None
     return MarkerDetector(design.camera, marker_sides, dictionary)
@@ -187,6 +210,7 @@ def _chosen(
     options: AgentOptions | None,
     guard: bool,
     hand: HandKind | Path | HandDetector | None,
+    can: CanKind | CanShape | None,
     own: bool,
     camera: Camera | None,
 ) -> tuple[AgentOptions, HandDetector | None]:
@@ -196,7 +220,7 @@ def _chosen(
     """
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    options = options or AgentOptions()
+    options = _with_can(options or AgentOptions(), can)
     if hand is not None:
         kind: HandKind = hand if isinstance(hand, str) else "seen"
         check_hand(kind)
@@ -214,6 +238,16 @@ def _chosen(
     if own and sees is not None and options.marker_site == AgentOptions().marker_site:
         options = replace(options, marker_site=sees.frame)
     return options, sees
+
+
+def _with_can(options: AgentOptions, can: CanKind | CanShape | None) -> AgentOptions:
+    """Options with this can, if one is given."""
+    if can is None:
+        return options
+    if isinstance(can, CanShape):
+        return replace(options, can="seen", can_shape=can)
+    check_can(can)
+    return replace(options, can=can)
 
 
 def _design(

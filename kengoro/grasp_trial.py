@@ -17,6 +17,7 @@ import numpy as np
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlan, GraspPlanner
 from jmm_agent.types import Floats
+from jmm_agent.vision.can_finder import CanSkip
 from kengoro.hand_search import READY, TrialOptions, find_hand, scan_offsets
 from kengoro.session import CLOSED, OPEN, EpisodeEndedError, Session
 from kengoro_env.names import GROUP_JOINTS
@@ -141,7 +142,7 @@ class GraspTrial:
         return postures
 
     def _find_can(self) -> Floats | None:
-        """Turn the head until the can is in view; the pose of its marker in the world, (4, 4)."""
+        """Turn the head until the can is in view; the pose of its upper end in the world (4, 4)."""
         agent, options = self.session.agent, self._options
         towards = self._planner.point_camera(np.array(options.table_point), np.array(options.ready))
         self.session.move(towards, options.move)
@@ -164,10 +165,10 @@ class GraspTrial:
         if session.readings.frame_time < still_since:
             return None
         agent = session.agent
-        marker = agent.detect_markers(session.readings).get(agent.options.can_marker)
-        if marker is None:
+        found = agent.detect_can(session.readings)
+        if isinstance(found, CanSkip):
             return None
-        return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
+        return self._planner.marker_in_world(found.pose_can_in_camera, agent.joint_angles)
 
     def _approach(self) -> bool:
         session = self.session

@@ -13,10 +13,11 @@ import numpy as np
 from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.can_shape import CanKind
 from kengoro.errors import UsageError
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import NoHandMarker, actual, drawing
+from kengoro_env.departures import NoCanMarker, NoHandMarker, actual, drawing
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.nominal_model import NominalArm
 
@@ -50,8 +51,19 @@ def check_hand(hand: object) -> None:
         raise UsageError(f"The hand is {hand!r}; it must be 'marker' or 'seen'.")
 
 
+def check_can(can: object) -> None:
+    """Raise a `UsageError` if the kind of can is neither "marker" nor "seen"."""
+    if not isinstance(can, str) or can not in get_args(CanKind):
+        raise UsageError(f"The can is {can!r}; it must be 'marker' or 'seen'.")
+
+
 def make_env(
-    task: str, robot_seed: int | None = None, *, hand: HandKind = "marker", **options: Any
+    task: str,
+    robot_seed: int | None = None,
+    *,
+    hand: HandKind = "marker",
+    can: CanKind = "marker",
+    **options: Any,
 ) -> gym.Env[Any, Any]:
     """An environment of Kengoro's arm.
 
@@ -59,12 +71,14 @@ def make_env(
         task: "CanGrasp", "Posture" or "Elbow".
         robot_seed: which actual robot; None for the nominal model, without departures.
         hand: whether the hand carries its marker ("marker") or none ("seen").
+        can: whether the can carries its marker ("marker") or none ("seen").
         **options: of `gymnasium.make`, such as ``camera`` or ``max_episode_steps``.
 
     Raises:
-        UsageError: the task is unknown, the seed is negative, or there is no such hand.
+        UsageError: the task is unknown, the seed is negative, or there is no such hand or can.
     """
     check_hand(hand)
+    check_can(can)
     known = [spec.name for spec in gym.registry.values() if spec.namespace == "Kengoro"]
     if task not in known:
         raise UsageError(f"There is no task {task!r}; there are: {', '.join(known)}.")
@@ -72,6 +86,8 @@ def make_env(
     departures = drawing() if robot_seed is None else actual(robot_seed)
     if hand == "seen":
         departures = (*departures, NoHandMarker(removed=True))
+    if can == "seen":
+        departures = (*departures, NoCanMarker(removed=True))
     return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
 
 

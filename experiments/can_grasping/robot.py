@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.robots.conditions import make_session, robot_of
+from experiments.robots.conditions import Seen, make_session, robot_of
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.updaters.vision_options import HandKind
 from kengoro.agents import make_agent
 from kengoro.grasp_trial import GraspTrial, Trial, begin_trial
 from kengoro.hand_search import TrialOptions
@@ -40,7 +39,7 @@ class CanRobot:
         options: of the trial.
         tested: number of postures on which the map is tested before and after.
         cache: folder of trained maps.
-        hand: whether the hand carries its marker ("marker") or none ("seen").
+        seen: what carries no marker; nothing if left out.
     """
 
     def __init__(
@@ -50,11 +49,11 @@ class CanRobot:
         options: TrialOptions,
         tested: int,
         cache: Path | None,
-        hand: HandKind = "marker",
+        seen: Seen | None = None,
     ) -> None:
         self._condition, self.seed, self._options = condition, seed, options
         self.before = trained_map(cache)
-        self._hand: HandKind = hand
+        self._seen = seen or Seen()
         self.agent = self._agent()
         self.trial = Trial()
         self.session: Session | None = None
@@ -87,13 +86,15 @@ class CanRobot:
         render_mode: str | None = None,
     ) -> GraspTrial:
         robot_seed = robot_of(self._condition, self.seed)
-        env = make_env("CanGrasp", robot_seed, hand=self._hand, render_mode=render_mode)
+        hand, can = self._seen.hand, self._seen.can
+        env = make_env("CanGrasp", robot_seed, hand=hand, can=can, render_mode=render_mode)
         return begin_trial(env, agent, self.seed, self._library, self._options, watch)
 
     def _agent(self, jmm: JointMuscleMap | None = None, learning: bool = True) -> Agent:
         """A new agent with a map, that of the nominal model if left out."""
         jmm = self.before if jmm is None else jmm
-        return make_agent(self.seed, jmm=jmm, hand=self._hand, learning=learning)
+        hand = self._seen.detector or self._seen.hand
+        return make_agent(self.seed, jmm=jmm, hand=hand, can=self._seen.can, learning=learning)
 
     def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
         """`errors` of this robot at postures that are not learned from, with learning off.
@@ -104,7 +105,7 @@ class CanRobot:
         agent = self.agent if jmm is None else self._agent(jmm)
         agent.learning = False
         start, *targets = self._tested
-        session = make_session(self._condition, self.seed, agent, start, self._hand)
+        session = make_session(self._condition, self.seed, agent, start, self._seen.hand)
         visits = no_visits()
         for target in targets:
             visit(session, target, visits)

@@ -24,8 +24,9 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import print_table
-from experiments.robots.conditions import ACTUAL, NOMINAL, with_hand
+from experiments.robots.conditions import ACTUAL, NOMINAL, Seen, with_seen
 from jmm_agent.updaters.vision_options import HandKind
+from jmm_agent.vision.can_shape import CanKind
 from kengoro import trained_maps
 from kengoro.hand_search import TrialOptions
 from kengoro.viewer.progress import ProgressCallback, film_and_progress, no_progress, stage_bar
@@ -46,11 +47,15 @@ class Sizes:
         trial: options of the trial.
         tested: number of postures on which the map is tested before and after.
         hand: whether the hand carries its marker ("marker") or none ("seen").
+        detector: digest of the file that sees the hand; empty for Kengoro's own.
+        can: whether the can carries its marker ("marker") or none ("seen").
     """
 
     trial: TrialOptions = field(default_factory=TrialOptions)
     tested: int = 8
     hand: HandKind = "marker"
+    detector: str = ""
+    can: CanKind = "marker"
 
 
 QUICK = Sizes(TrialOptions(approaches=2, postures=3, move=1.0, patience=1.5), tested=2)
@@ -64,11 +69,15 @@ class Args(common.Args):
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
         hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
+        can: whether the can carries a marker ("marker"), or is seen without one ("seen").
+        detector: file of `kengoro hand-detector` that sees the hand; Kengoro's own if left out.
     """
 
     seeds: str = "100"
     out: Path = OUT
     hand: HandKind = "marker"
+    can: CanKind = "marker"
+    detector: Path | None = None
 
 
 def run(
@@ -78,6 +87,7 @@ def run(
     cache: Path | None,
     films: Mapping[int, Path] | None = None,
     live: bool = False,
+    detector: Path | None = None,
 ) -> dict[str, Any]:
     """Run one robot; returns its ``summary`` and the ``curves`` for the figures.
 
@@ -88,8 +98,10 @@ def run(
         cache: folder of trained maps.
         films: files for the videos of actual robots' trials, by seed.
         live: whether a bar shows the progress.
+        detector: file that sees the hand; None: Kengoro's own.
     """
-    robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache, sizes.hand)
+    seen = Seen(sizes.hand, detector, sizes.can)
+    robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache, seen)
     name = "Kengoro" if condition == ACTUAL else "nominal Kengoro"
     film = (films or {}).get(seed) if condition == ACTUAL else None
     with stage_bar(name) if live else nullcontext(no_progress) as progress:
@@ -198,7 +210,8 @@ EXPERIMENT = Experiment(
 
 def main(args: Args) -> Summary:
     """Run the experiment; a bar shows the progress of a single robot."""
-    chosen, args = with_hand(EXPERIMENT, args, args.hand, OUT)
+    seen = Seen(args.hand, args.detector, args.can)
+    chosen, args = with_seen(EXPERIMENT, args, seen, OUT)
     seeds = common.parse_seeds(args.seeds)
     common.check_jobs(args.jobs)
     console, alone = get_console(), len(seeds) == 1
@@ -209,7 +222,8 @@ def main(args: Args) -> Summary:
     if not args.quick and not film.exists():
         kept.unlink(missing_ok=True)  # so that its trial runs again and is filmed
     films = None if args.quick else {seeds[0]: film}
-    experiment = replace(chosen, run=partial(run, films=films, live=alone))
+    given: Any = chosen.run
+    experiment = replace(chosen, run=partial(given, films=films, live=alone))
     summary = run_experiment(experiment, replace(args, jobs=1) if alone else args)
     if not alone:
         print_table(console, outcome_table(summary["per_seed"]))

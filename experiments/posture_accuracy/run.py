@@ -19,7 +19,7 @@ from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.posture_accuracy.tables import metrics, seed_entry, tables
-from experiments.robots.conditions import ACTUAL, NOMINAL, make_session, with_hand
+from experiments.robots.conditions import ACTUAL, NOMINAL, Seen, make_session, with_seen
 from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import HandKind
 from kengoro.agents import make_agent
@@ -45,6 +45,7 @@ class Sizes:
         move: duration of a movement [s].
         patience: longest wait for rest and an observation [s].
         hand: whether the hand carries its marker ("marker") or none ("seen").
+        detector: digest of the file that sees the hand; empty for Kengoro's own.
     """
 
     learned: int = 27
@@ -54,6 +55,7 @@ class Sizes:
     move: float = 2.0
     patience: float = 2.5
     hand: HandKind = "marker"
+    detector: str = ""
 
 
 QUICK = Sizes(learned=3, targets=1, starts=2, starts_nominal=1, move=1.0, patience=1.5)
@@ -106,11 +108,21 @@ def away(postures: Floats, learned: Floats) -> tuple[Floats, Floats]:
     return gaps.max(axis=2).min(axis=1), np.sqrt((gaps**2).mean(axis=2)).min(axis=1)
 
 
-def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """Run one robot: trials, online learning with both updaters, and the same trials again."""
+def run(
+    condition: str, seed: int, sizes: Sizes, cache: Path | None, detector: Path | None = None
+) -> dict[str, Any]:
+    """Run one robot: trials, online learning with both updaters, and the same trials again.
+
+    Args:
+        condition: `ACTUAL` or `NOMINAL`.
+        seed: of the robot.
+        sizes: amount of work.
+        cache: folder of trained maps.
+        detector: file that sees the hand; None: Kengoro's own.
+    """
     plan = make_plan(seed, sizes)
     starts = plan.starts if condition == ACTUAL else plan.starts[: sizes.starts_nominal]
-    agent = make_agent(seed, cache=cache, hand=sizes.hand)
+    agent = make_agent(seed, cache=cache, hand=detector or sizes.hand)
     session = make_session(condition, seed, agent, plan.first, sizes.hand)
     agent.learning = False
     before = trials(session, plan.targets, starts, sizes)
@@ -185,13 +197,15 @@ class Args(common.Args):
 
     Attributes:
         hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
+        detector: file of `kengoro hand-detector` that sees the hand; Kengoro's own if left out.
     """
 
     seeds: str = "0-9"
     out: Path = OUT
     hand: HandKind = "marker"
+    detector: Path | None = None
 
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(*with_hand(EXPERIMENT, args, args.hand, OUT))
+    return run_experiment(*with_seen(EXPERIMENT, args, Seen(args.hand, args.detector), OUT))

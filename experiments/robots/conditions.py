@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from experiments.harness.common import Args
+from experiments.harness.common import Args, files_digest
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment
 from jmm_agent.agent import Agent
@@ -15,6 +16,7 @@ from jmm_agent.options import AgentOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.updaters.vision_options import HandKind
+from jmm_agent.vision.can_shape import CanKind
 from kengoro.errors import UsageError
 from kengoro.hand_weights import trained_hand
 from kengoro.robots import NO_END, make_env
@@ -32,30 +34,68 @@ def robot_of(condition: str, seed: int) -> int | None:
 AnyArgs = TypeVar("AnyArgs", bound=Args)
 
 
-def with_hand(
-    experiment: Experiment, args: AnyArgs, hand: HandKind, out: Path
+class Seen(NamedTuple):
+    """What robots carry no marker on, and what sees it.
+
+    Attributes:
+        hand: whether the hand carries its marker ("marker") or none ("seen").
+        detector: file of `kengoro hand-detector` that sees it; None: Kengoro's own.
+        can: whether the can carries its marker ("marker") or none ("seen").
+    """
+
+    hand: HandKind = "marker"
+    detector: Path | None = None
+    can: CanKind = "marker"
+
+    @property
+    def variant(self) -> str:
+        """Name of the experiment's variant; empty with both markers."""
+        hand = self.hand if self.hand != "marker" else ""
+        return "-".join(filter(None, (hand, f"can-{self.can}" if self.can != "marker" else "")))
+
+
+def with_seen(
+    experiment: Experiment, args: AnyArgs, seen: Seen, out: Path
 ) -> tuple[Experiment, AnyArgs]:
-    """An experiment on robots with this hand; results without a marker have names of their own.
+    """An experiment on robots without some markers, whose results have names of their own.
 
     Args:
-        experiment: whose sizes have a ``hand``.
+        experiment: whose sizes have ``hand``, ``detector`` and, if the can may be seen, ``can``,
+            and whose run takes the file of a detector as ``detector``.
         args: its arguments.
-        hand: "marker" or "seen".
-        out: folder of the results with a marker, if none is given.
+        seen: without which markers; a detector that is given sees the hand.
+        out: folder of the results with all markers, if none is given.
 
     Raises:
         ExperimentError: the hand is to be seen, and there is no trained detector of it.
     """
-    if hand == "marker":
+    if seen.detector is not None:
+        seen = seen._replace(hand="seen")
+    if not seen.variant:
         return experiment, args
+    changes: dict[str, Any] = {}
+    if seen.hand != "marker":
+        _check_detector(seen)
+        changes["hand"] = seen.hand
+    if seen.detector is not None:
+        changes["detector"] = files_digest([seen.detector])
+        own: Any = experiment.run
+        experiment = replace(experiment, run=partial(own, detector=seen.detector))
+    if seen.can != "marker":
+        changes["can"] = seen.can
+    sizes, quick = (replace(one, **changes) for one in (experiment.sizes, experiment.quick))
+    if args.out == out:
+        args = replace(args, out=out.with_name(f"{out.name}-{seen.variant}"))
+    return replace(experiment, sizes=sizes, quick=quick, variant=seen.variant), args
+
+
+def _check_detector(seen: Seen) -> None:
+    """Raise an `ExperimentError` if the hand's detector cannot be used."""
+    options = AgentOptions(vision=VisionOptions(hand=seen.hand))
     try:
-        trained_hand(AgentOptions(vision=VisionOptions(hand=hand)), False, None)
+        trained_hand(options, False, None, seen.detector)
     except (UsageError, AgentError) as error:
         raise ExperimentError(str(error)) from None
-    sizes, quick = (replace(one, hand=hand) for one in (experiment.sizes, experiment.quick))
-    if args.out == out:
-        args = replace(args, out=out.with_name(f"{out.name}-{hand}"))
-    return replace(experiment, sizes=sizes, quick=quick, variant=hand), args
 
 
 def make_session(

@@ -8,6 +8,7 @@ from pathlib import Path
 from rich import get_console
 
 from jmm_agent.updaters.vision_options import HandKind
+from jmm_agent.vision.can_shape import CanKind
 from kengoro.agents import make_agent
 from kengoro.grasp_trial import Trial, begin_trial, outcome_sentences
 from kengoro.robots import make_env, shuffled_postures
@@ -23,12 +24,14 @@ class Args:
     Attributes:
         robot: seed of the actual robot.
         hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
-        detector: file of `kengoro hand-detector` that sees it; Kengoro's own if left out.
+        can: whether the can carries a marker ("marker"), or is seen without one ("seen").
+        detector: file of `kengoro hand-detector` that sees the hand; Kengoro's own if left out.
         out: folder of the film.
     """
 
     robot: int = 100
     hand: HandKind = "marker"
+    can: CanKind = "marker"
     detector: Path | None = None
     out: Path = Path("out/demo")
 
@@ -39,9 +42,9 @@ def main(args: Args) -> None:
     kind: HandKind = "seen" if args.detector else args.hand
     with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_map()
-    agent = make_agent(args.robot, hand=args.detector or args.hand)
+    agent = make_agent(args.robot, hand=args.detector or args.hand, can=args.can)
     film = args.out / "episode.mp4"
-    env = make_env("CanGrasp", args.robot, hand=kind, render_mode="rgb_array")
+    env = make_env("CanGrasp", args.robot, hand=kind, can=args.can, render_mode="rgb_array")
     with stage_bar("Kengoro") as progress, open_video(film) as video:
         watch = film_and_progress(video, progress)
         postures = shuffled_postures(args.robot)

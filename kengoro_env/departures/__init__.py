@@ -29,7 +29,7 @@ a number that no other departure has. To make a departure part of every ``actual
 ``presets.py``; this changes all results.
 """
 
-from kengoro_env.departures.bodies import BoneError, MarkerError, NoHandMarker
+from kengoro_env.departures.bodies import BoneError, MarkerError, NoCanMarker, NoHandMarker
 from kengoro_env.departures.camera import (
     CameraError,
     FrameDelay,
@@ -57,6 +57,7 @@ __all__ = [
     "LensDistortion",
     "MarkerError",
     "MotorInertia",
+    "NoCanMarker",
     "NoHandMarker",
     "Payload",
     "TendonStretch",

@@ -1,9 +1,10 @@
-"""Departures of the bodies: bones and joint axes, and the marker on the hand or none."""
+"""Departures of the bodies: bones and joint axes, and the markers of hand and can or none."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from kengoro_env.departures.rotations import turn, turned
@@ -12,7 +13,13 @@ from kengoro_env.names import JOINTS
 from kengoro_env.robot.draft import Draft
 
 PLATE = "marker_plate"
-"""Name of the marker's body, and of its geom."""
+"""Name of the body of the hand's marker, and of its geom."""
+
+CAN, CAN_PLATE = "can", "marker_can_plate"
+"""Names of the can's body, and of the geom of its marker."""
+
+CAN_SIDES = 64
+"""Number of sides of a can that is drawn round."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +115,59 @@ class NoHandMarker:
 
     def edit(self, draft: Draft) -> None:
         """Make the marker's plate invisible, if the scene has one."""
-        if not self.removed or PLATE not in [geom.name for geom in draft.spec.geoms]:
+        if self.removed:
+            _hide(draft, PLATE)
+
+
+@dataclass(frozen=True)
+class NoCanMarker:
+    """The can carries no marker that a camera could see; it moves as with it, to the bit.
+
+    It is drawn as a prism of `CAN_SIDES` sides. The camera in the head draws round geoms with few
+    sides, which makes them narrower than they are; that matters only where the can is found by its
+    outline.
+
+    Attributes:
+        removed: whether the marker is removed.
+    """
+
+    removed: bool = False
+
+    def edit(self, draft: Draft) -> None:
+        """Make the marker's plate invisible, if the scene has a can with one, and the can round."""
+        if not self.removed or CAN not in [body.name for body in draft.spec.bodies]:
             return
-        geom = draft.spec.geom(PLATE)
+        _hide(draft, CAN_PLATE)
+        can = draft.spec.body(CAN)
+        for number, geom in enumerate(list(can.geoms)):
+            if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
+                _draw_round(draft, can, geom, f"{CAN}_round_{number}")
+
+
+def _draw_round(draft: Draft, body: mujoco.MjsBody, cylinder: mujoco.MjsGeom, name: str) -> None:
+    """Draw a cylinder with more sides; it stays as a geom that cannot be seen."""
+    turn = np.linspace(0.0, 2 * np.pi, CAN_SIDES, endpoint=False)
+    radius, half = cylinder.size[:2]
+    ring = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(CAN_SIDES, half)], 1)
+    draft.spec.add_mesh(name=name, uservert=np.vstack([ring, ring * [1, 1, -1]]).ravel())
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=name,
+        pos=cylinder.pos,
+        material=cylinder.material,
+        group=cylinder.group,
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )
+    cylinder.material, cylinder.rgba = "", np.zeros(4)
+
+
+def _hide(draft: Draft, name: str) -> None:
+    """Make a geom invisible, if the scene has it."""
+    if name in [geom.name for geom in draft.spec.geoms]:
+        geom = draft.spec.geom(name)
         geom.material, geom.rgba = "", np.zeros(4)
 
 

@@ -68,6 +68,7 @@ def test_each_option_in_units_of_a_robot_is_scaled() -> None:
         "CameraPrior.rotation",
         "JointPrior.turn",
         *encoders,
+        *(f"CanShape.{size}" for size in ("radius", "height", "rim")),
         *(f"CameraMonitorOptions.{option}" for option in angles_in_the_image),
     }
 

@@ -26,6 +26,7 @@ from kengoro_env.departures import (
     LensDistortion,
     MarkerError,
     MotorInertia,
+    NoCanMarker,
     NoHandMarker,
     Payload,
     TendonStretch,
@@ -74,6 +75,7 @@ CASES = {
     "LensDistortion": Case(lambda p: LensDistortion(k1=p, p1=p / 10), -0.2, -1e-6),
     "MarkerError": Case(lambda p: MarkerError(size=p, position=p, rotation=p, seed=1), 1e-2, 1e-7),
     "MotorInertia": Case(lambda p: MotorInertia(inertia=p), 3.0, 1e-3),
+    "NoCanMarker": Case(lambda p: NoCanMarker(removed=p > 0.0), 1.0, 0.0),
     "NoHandMarker": Case(lambda p: NoHandMarker(removed=p > 0.0), 1.0, 0.0),
     "Payload": Case(lambda p: Payload(mass=p), 1.0, 1e-4),
     "TensionSensorError": Case(lambda p: TensionSensorError(noise=p, offset=p, seed=1), 3.0, 1e-3),
@@ -94,12 +96,14 @@ NOT_IN_PRESET = {
     "HeatingMotors",
     "LensDistortion",
     "MarkerError",
+    "NoCanMarker",
     "NoHandMarker",
     "Payload",
 }
 """Departures that `actual(seed)` has not."""
-MOVING = [name for name in CASES if name not in ("HeatingMotors", "NoHandMarker")]
-"""Departures that change the motion or what is measured; heat and the look of the hand do not."""
+UNMOVED = ("HeatingMotors", "NoCanMarker", "NoHandMarker")
+MOVING = [name for name in CASES if name not in UNMOVED]
+"""Departures that change the motion or what is measured; heat and looks do not."""
 
 
 def test_every_departure_has_a_case() -> None:
