@@ -20,6 +20,8 @@ TEXTURE_SIZE = 96
 """Side of a texture [px]."""
 SHADOWS = 0.4
 """Share of the frames in which a light casts shadows [1]."""
+CONE = mujoco.mjtLightType(0)
+"""Light of a lamp with a cone."""
 ROBOT_PARTS = 3
 """Palm, fingers and the other bodies of a robot may be of different surfaces."""
 PREFIX = "appearance_"
@@ -193,11 +195,7 @@ class Appearance:
             near = random.random() < 0.4
             aim = hand + random.normal(0.0, 0.25, 3)
             light.headlight, light.id = 0, -1
-            directional, cone = (
-                mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-                mujoco.mjtLightType.mjLIGHT_SPOT,
-            )
-            light.type = cone if near else directional
+            light.type = CONE if near else mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
             light.castshadow = shadow and number == 0
             light.dir[:] = towards
             light.pos[:] = aim - random.uniform(0.5, 1.6) * towards

@@ -112,8 +112,9 @@ def test_a_folder_is_for_one_state_of_the_model(tmp_path: Path) -> None:
 def test_a_file_is_there_only_when_it_is_calibrated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def train(kind: str, samples: int, source: object, folder: Path, *rest: object) -> None:
+    def train(kind: str, samples: int, source: object, folder: Path, *_: object) -> list[object]:
         (folder / f"{kind}.onnx").write_bytes(b"network")
+        return [[64.0, 1.0, 1.1], [128.0, 0.8, 0.9]]
 
     def stopped(source: object, path: Path, *rest: object) -> None:
         assert path.exists()
