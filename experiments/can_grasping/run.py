@@ -222,8 +222,8 @@ def main(args: Args) -> Summary:
     if not args.quick and not film.exists():
         kept.unlink(missing_ok=True)  # so that its trial runs again and is filmed
     films = None if args.quick else {seeds[0]: film}
-    given: Any = chosen.run
-    experiment = replace(chosen, run=partial(given, films=films, live=alone))
+    known: dict[str, Any] = {} if args.detector is None else {"detector": args.detector}
+    experiment = replace(chosen, run=partial(run, films=films, live=alone, **known))
     summary = run_experiment(experiment, replace(args, jobs=1) if alone else args)
     if not alone:
         print_table(console, outcome_table(summary["per_seed"]))
