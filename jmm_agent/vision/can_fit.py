@@ -143,7 +143,7 @@ class _Fitting:
         if found is None:
             return None
         offsets, jacobian, usable = found
-        scale = self._scale(offsets[usable], 2.0 if far is not None else 0.7)
+        scale = _scale(offsets[usable], 2.0 if far is not None else 0.7)
         weights = usable / (1.0 + (np.where(usable, offsets, 0.0) / scale) ** 2)
         precision = np.zeros(5)
         precision[3:] = 1 / TILT**2
@@ -188,8 +188,9 @@ class _Fitting:
         pixels, normals = outline_pixels(self._shape, self._can(values), camera, self._points)
         if not np.isfinite(pixels).all():
             return None
-        offsets = self._painted_edges(pixels, normals, far) if far else None
-        if offsets is None:
+        if far is not None:
+            offsets = self._painted_edges(pixels, normals, far)
+        else:
             offsets = self._colour_edges(pixels, normals)
         jacobian = np.empty((len(pixels), 5))
         for column in range(5):
@@ -233,9 +234,10 @@ class _Fitting:
         last = np.array([camera.width - 1, camera.height - 1])
         return np.asarray(((pixels >= reach) & (pixels <= last - reach)).all(axis=1))
 
-    def _scale(self, offsets: Floats, least: float) -> float:
-        """Width of the weights' fall [px]."""
-        return max(least, float(np.median(np.abs(offsets)))) if len(offsets) else least
+
+def _scale(offsets: Floats, least: float) -> float:
+    """Offset [px] at which an edge has half the weight: the median, or at least ``least``."""
+    return max(least, float(np.median(np.abs(offsets)))) if len(offsets) else least
 
 
 def _contrast(inner: Floats, outer: Floats, least: float) -> tuple[Floats, Floats, np.ndarray]:

@@ -63,7 +63,7 @@ class Args:
     jobs: int = 2
     batch: int = 64
     device: Literal["cpu", "cuda"] = "cpu"
-    start: Path | Literal["kengoro", "none"] = "kengoro"
+    start: Literal["kengoro", "none"] | Path = "kengoro"
 
 
 def main(args: Args) -> None:
@@ -104,7 +104,7 @@ def progress_of(stages: Sequence[str]) -> Iterator[Callable[[str, float, str], N
         shown = dict.fromkeys(stages, -1)
 
         def line(stage: str, share: float, text: str) -> None:
-            if (tenth := int(10.0 * share)) > shown[stage]:
+            if (tenth := int(10.0 * share)) > shown[stage] or (share == 0.0 and text):
                 shown[stage] = tenth
                 print(f"{stage}: {share:.0%} {text}".rstrip(), flush=True)
 

@@ -21,7 +21,7 @@ TEXTURE_SIZE = 96
 SHADOWS = 0.4
 """Share of the frames in which a light casts shadows [1]."""
 CONE = mujoco.mjtLightType(0)
-"""Light of a lamp with a cone."""
+"""Type of a light with a cone, the first of MuJoCo's."""
 ROBOT_PARTS = 3
 """Palm, fingers and the other bodies of a robot may be of different surfaces."""
 PREFIX = "appearance_"
@@ -80,7 +80,7 @@ def _texture(random: np.random.Generator) -> np.ndarray:
 
 
 def _bars(random: np.random.Generator) -> np.ndarray:
-    """Bars of random lengths in lines, as print or a shelf (TEXTURE_SIZE, TEXTURE_SIZE, 1)."""
+    """Bars of random lengths in lines, as in print (TEXTURE_SIZE, TEXTURE_SIZE, 1)."""
     share = np.zeros((TEXTURE_SIZE, TEXTURE_SIZE, 1))
     row = 0
     while row < TEXTURE_SIZE:
@@ -99,16 +99,18 @@ class Appearance:
 
     Args:
         model: that the scene is of, with `add_textures`.
-        hand: number of the hand's body.
+        parts: part of the robot that each geom belongs to, see `robot_parts`.
         random: source of its choices.
     """
 
-    def __init__(self, model: mujoco.MjModel, hand: int, random: np.random.Generator) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, parts: np.ndarray, random: np.random.Generator
+    ) -> None:
         self._random = random
         names = [model.material(i).name for i in range(model.nmat)]
         self._materials = [i for i, name in enumerate(names) if name.startswith(PREFIX)]
         self._style = random.choice(["model", "parts", "palette", "any"], p=[0.2, 0.5, 0.2, 0.1])
-        self._parts = _parts(model, hand)
+        self._parts = parts
         n = model.ngeom
         self._colours, self._covers = np.zeros((n, 3)), np.full(n, -1)
         self._shine = random.random((n, 3))
@@ -262,8 +264,13 @@ class Appearance:
         scene.ngeom += 1
 
 
-def _parts(model: mujoco.MjModel, hand: int) -> np.ndarray:
-    """Part of the robot that each geom belongs to (ngeom,): 0 palm, 1 fingers, 2 others; or -1."""
+def robot_parts(model: mujoco.MjModel, hand: int) -> np.ndarray:
+    """Part of the robot that each geom belongs to (ngeom,): 0 palm, 1 fingers, 2 others; or -1.
+
+    Args:
+        model: of the robot in its surroundings.
+        hand: number of the hand's body.
+    """
     own = subtree(model, hand)[model.geom_bodyid]
     tree = model.body_rootid == model.body_rootid[hand]
     parts = np.where(tree[model.geom_bodyid], 2, -1)

@@ -105,7 +105,12 @@ def _calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation])
         float(np.sqrt(np.quantile([getattr(error, name) for error in errors], QUANTILE) / CHI2))
         for name in ("position_share", "rotation_share")
     )
-    return replace(model, threshold=threshold, position_factor=position, rotation_factor=rotation)
+    return replace(
+        model,
+        threshold=threshold,
+        position_factor=model.position_factor * position,
+        rotation_factor=model.rotation_factor * rotation,
+    )
 
 
 def _spread(values: list[float]) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from jmm_agent.vision.hand_model_file import middle_of, radius_of
-from kengoro.hand_detector.appearance import Appearance, add_textures
+from kengoro.hand_detector.appearance import Appearance, add_textures, robot_parts
 from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
 from kengoro_env.types import Floats
 from kengoro_env.vision.rendering import QUALITY, open_renderer
@@ -102,6 +102,8 @@ class FrameMaker:
         self._visible.sitegroup[:] = 0
         self._visible.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = False
         self._hand_geoms = hand_geoms(model, self._body)
+        self._other_geoms = np.setdiff1d(np.arange(model.ngeom), list(self._hand_geoms))
+        self._parts = robot_parts(model, self._body)
         turns = model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE
         free = np.where(turns[:, None], [-np.pi, np.pi], [-0.1, 0.1])
         self._ranges = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, free)
@@ -116,7 +118,8 @@ class FrameMaker:
 
         Args:
             random: source of all.
-            shown: whether the hand is in view; None: mostly.
+            shown: whether the hand is in view; None: mostly. Where no posture takes it out of
+                view it is left out; a part of it may be at the border.
         """
         if shown is None:
             shown = bool(random.random() < IN_VIEW)
@@ -128,15 +131,20 @@ class FrameMaker:
         scene = self._renderer.scene
         self._renderer.update_scene(self._data, self._camera, self._visible)
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        appearance = Appearance(self._model, self._body, random)
+        appearance = Appearance(self._model, self._parts, random)
         eye = self._data.cam_xpos[self._camera]
         hand = self._data.xpos[self._body] + self._data.xmat[self._body].reshape(3, 3) @ self.centre
         appearance.colour(scene)
         appearance.light(scene, hand)
         appearance.add_walls(scene, eye, -self._data.cam_xmat[self._camera].reshape(3, 3)[:, 2])
         appearance.add_objects(scene, eye, hand)
+        absent = not shown and self._is_in_view(pose)  # no posture takes it out of view
+        if absent:
+            self._leave_out(scene, hand=True)
         image = self._renderer.render().copy()
-        visible = self._share_visible(scene) * self._share_in_frame(pose) if shown else 0.0
+        visible = 0.0 if absent else self._share_in_frame(pose)
+        if visible > 0.0:
+            visible *= self._share_visible(scene)
         return Frame(image, pose, visible, self._others())
 
     def _pose(self, random: np.random.Generator) -> None:
@@ -170,9 +178,9 @@ class FrameMaker:
 
     def _others(self) -> Floats:
         """Middles of the geoms that are not the hand's, in the camera (n, 3) [m]."""
-        others = [i for i in range(self._model.ngeom) if i not in self._hand_geoms]
         axes = self._data.cam_xmat[self._camera].reshape(3, 3) * [1.0, -1.0, -1.0]
-        return np.asarray((self._data.geom_xpos[others] - self._data.cam_xpos[self._camera]) @ axes)
+        away = self._data.geom_xpos[self._other_geoms] - self._data.cam_xpos[self._camera]
+        return np.asarray(away @ axes)
 
     def _is_in_view(self, pose: Floats) -> bool:
         x, y, z = pose[:3, :3] @ self.centre + pose[:3, 3]
@@ -197,14 +205,22 @@ class FrameMaker:
         both = []
         for alone in (False, True):
             for geom in scene.geoms[: scene.ngeom]:
-                own = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in self._hand_geoms
-                geom.segid = 0 if own else 1
-                if alone and not own:
-                    geom.type = mujoco.mjtGeom.mjGEOM_NONE
+                geom.segid = 0 if self._is_of_hand(geom) else 1
+            if alone:
+                self._leave_out(scene, hand=False)
             picture = renderer.render()
             both.append(int(((picture[..., 0] == 1) & (picture[..., 1] == 0)).sum()))
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0, 0
         return both[0] / both[1] if both[1] else 0.0
+
+    def _leave_out(self, scene: mujoco.MjvScene, hand: bool) -> None:
+        """Leave the hand out of a scene, or all but the hand."""
+        for geom in scene.geoms[: scene.ngeom]:
+            if self._is_of_hand(geom) == hand:
+                geom.type = mujoco.mjtGeom.mjGEOM_NONE
+
+    def _is_of_hand(self, geom: mujoco.MjvGeom) -> bool:
+        return geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in self._hand_geoms
 
 
 def _turn_ball(quaternion: Floats, limits: Floats, random: np.random.Generator) -> None:

@@ -86,12 +86,13 @@ def train_detector(
         )
     if effort.device != "cpu":
         _check_device(effort.device)
+    started = None if effort.start is None else read_hand_model(effort.start)
     folder.mkdir(parents=True, exist_ok=True)
     claim(folder, source, effort)
-    if effort.start is not None:
-        _, *networks = read_hand_model(effort.start)
-        for kind, network in zip(NETWORKS, networks, strict=True):
+    if started is not None:
+        for kind, network in zip(NETWORKS, started[1:], strict=True):
             write_bytes(_start(folder, kind), network)
+        command = f"{started[0].made_by}; then {command}"
     _make_examples(source, folder, effort, progress)
     curves = {}
     for kind, share in zip(NETWORKS, (FINDER_SHARE, 1.0), strict=True):
@@ -99,8 +100,7 @@ def train_detector(
         curves[kind] = _train_network(kind, samples, source, folder, effort, progress)
     draw_curves(folder / "curves.png", curves)
     points = tuple(map(tuple, source.maker().points.round(6).tolist()))
-    before = "" if effort.start is None else read_hand_model(effort.start)[0].made_by + "; then "
-    model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=before + command)
+    model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=command)
     networks = [(folder / f"{kind}.onnx").read_bytes() for kind in NETWORKS]
     unfinished = folder / "uncalibrated.zip"
     write_hand_model(unfinished, model, *networks)
@@ -125,8 +125,8 @@ def claim(folder: Path, source: Source, effort: Effort) -> None:
     wanted = {
         **asdict(source), "model": str(source.model), "hidden": list(source.hidden),
         "frames": effort.frames, "samples": effort.samples, "batch": effort.batch,
-        "device": effort.device, "start": effort.start and effort.start.name,
-        "content": _digest(source.model),
+        "device": effort.device, "content": _digest(source.model),
+        "start": effort.start and hashlib.sha256(effort.start.read_bytes()).hexdigest(),
     }  # fmt: skip
     path = folder / "run.json"
     if path.exists():
@@ -197,8 +197,11 @@ def _train_network(
         assert process.stdout is not None
         try:
             for line in process.stdout:
-                if line.startswith("{"):
-                    progressed = json.loads(line)
+                progressed = json.loads(line) if line.startswith("{") else {}
+                if "taken" in progressed:
+                    taken, of = progressed["taken"], progressed["of"]
+                    progress(kind, 0.0, f"starts from {taken} of {of} trained arrays")
+                if "curve" in progressed:
                     curve = progressed["curve"]
                     _, loss, new = curve[-1]
                     progress(kind, progressed["share"], f"loss {loss:.2f}, of new {new:.2f}")

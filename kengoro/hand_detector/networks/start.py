@@ -18,7 +18,7 @@ FOLDED = "_bias"
 """Ends the name of a convolution's bias that a batch normalisation was folded into."""
 
 
-def start_from(network: nn.Module, path: Path, pictures: Tensor) -> int:
+def start_from(network: nn.Module, path: Path, pictures: Tensor) -> tuple[int, int]:
     """Set those weights of a network that a trained one has in the same shape.
 
     Args:
@@ -27,7 +27,7 @@ def start_from(network: nn.Module, path: Path, pictures: Tensor) -> int:
         pictures: a batch that the network takes.
 
     Returns:
-        Number of the arrays that were set.
+        Number of arrays of the trained network that were taken, and number that it has.
 
     Raises:
         ValueError: none of them fits.
@@ -36,17 +36,17 @@ def start_from(network: nn.Module, path: Path, pictures: Tensor) -> int:
         each.name: torch.from_numpy(numpy_helper.to_array(each).copy())
         for each in onnx.load(path).graph.initializer
     }
-    state = network.state_dict()
+    parameters = dict(network.named_parameters())
     fitting = {
         name: value
         for name, value in stored.items()
-        if name in state and value.shape == state[name].shape
+        if name in parameters and value.shape == parameters[name].shape
     }
     if not fitting:
         raise ValueError(f"no weights of {path.name} fit to the network")
     network.load_state_dict(fitting, strict=False)
     _unfold(network, {name: stored.get(name + FOLDED) for name in fitting}, pictures)
-    return len(fitting)
+    return len(fitting), sum(name.endswith((".weight", ".bias")) for name in stored)
 
 
 def _unfold(network: nn.Module, biases: dict[str, Tensor | None], pictures: Tensor) -> None:

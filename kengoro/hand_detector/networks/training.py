@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 from torch import Tensor, nn
 
@@ -139,7 +140,9 @@ def train(job: Job) -> nn.Module:
     examples, state = Examples(job), Path(job.folder) / f"{job.kind}.checkpoint"
     step, curve = _resume(state, network, optimiser, schedule)
     if job.start and step == 0:
-        start_from(network, Path(job.start), examples.batch(np.random.default_rng(job.seed))[0])
+        pictures = examples.batch(np.random.default_rng(job.seed))[0]
+        taken, count = start_from(network, Path(job.start), pictures)
+        print(json.dumps({"taken": taken, "of": count}), flush=True)
     held, saved, half = examples.held_out(), time.monotonic(), _has_half(job.device)
     if step >= steps:
         _report(job, curve, 1.0)
@@ -232,6 +235,18 @@ def export(network: nn.Module, job: Job, path: Path) -> None:
         network, (torch.zeros(shape),), path, dynamo=True, external_data=False,
         dynamic_shapes=free, verbose=False, **names,
     )  # fmt: skip
+    _forget_origin(path)
+
+
+def _forget_origin(path: Path) -> None:
+    """Remove what the exporter noted of source files and their folders from an ONNX file."""
+    model = onnx.load(path)
+    graph = model.graph
+    for part in (model, graph, *graph.node, *graph.value_info, *graph.input, *graph.output,
+                 *graph.initializer):  # fmt: skip
+        del part.metadata_props[:]
+        part.ClearField("doc_string")
+    path.write_bytes(model.SerializeToString())
 
 
 def main() -> None:

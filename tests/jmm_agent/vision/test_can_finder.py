@@ -87,6 +87,13 @@ def test_in_light_of_another_colour(colour: tuple[float, float, float]) -> None:
     assert error(CanFinder(CAMERA).detect(frame, up_of(VIEW))) < EXACT
 
 
+def test_the_edge_of_a_shadow_on_it_does_not_move_it() -> None:
+    """Paint in light and in shade has the same hue: a third of the light is no edge of the can."""
+    shade = 0.3 + 0.7 / (1.0 + np.exp(-(np.arange(640) - 315.0) / 6.0))
+    frame = taken(picture(CAMERA, VIEW, [CAN]) * shade[None, :, None])
+    assert error(CanFinder(CAMERA).detect(frame, up_of(VIEW))) < 0.2 * EXACT
+
+
 BESIDE: dict[str, list[Item]] = {
     "a ball": [Ball((0.4, 0.08, 0.03), 0.03)],
     "a ball that touches it": [Ball((0.4, 0.065, 0.033), 0.033)],
@@ -126,6 +133,14 @@ def test_a_can_of_which_a_part_is_hidden_has_a_right_pose_or_none(items: list[It
         assert found in (CanSkip.HIDDEN, CanSkip.UNCERTAIN)
     else:
         assert error(found) < GRASPED
+
+
+@pytest.mark.parametrize("share", [0.02, 0.025, 0.03, 0.035])
+@pytest.mark.parametrize("y", [-0.1, 0.0, 0.05])
+def test_a_straight_edge_along_it_is_no_side_of_it(share: float, y: float) -> None:
+    view = view_from(EYE, (0.4, y, 0.06))
+    found = detect([CAN, Box((0.34, 0.028 - 0.066 * share, 0.0), (0.35, 0.1, 0.3), GREY)], view)
+    assert found is CanSkip.HIDDEN or error(found, CAN, view) < GRASPED
 
 
 @pytest.mark.xfail(strict=True, reason="a pixel of its width is 9 mm of its distance")

@@ -14,7 +14,7 @@ from jmm_agent.types import Floats
 from jmm_agent.vision.hand_detection import HandDetection, HandsDetector, HandSkip
 from jmm_agent.vision.hand_finder import HandMissed, HandSeen
 from jmm_agent.vision.hand_shape import HandShape
-from jmm_agent.vision.own_hand import ExpectedPoses, OwnHand, difference
+from jmm_agent.vision.own_hand import ExpectedPoses, OwnHand, Sample, difference, explain
 from tests.jmm_agent.nominal_arm import posture_set
 
 SEEDS = range(12)
@@ -340,3 +340,16 @@ def test_a_search_in_another_thread_changes_nothing_that_is_remembered(arm: ArmK
 def test_a_difference_is_that_of_the_covariance() -> None:
     change = np.array([0.01, -0.02, 0.03, 0.1, 0.2, -0.1])
     assert difference(displaced(np.eye(4), change), np.eye(4)) == pytest.approx(change)
+
+
+@pytest.mark.parametrize("movement", [0.03, 0.04, 0.1])
+def test_a_still_hand_is_not_the_own_one_even_if_that_moved_little(movement: float) -> None:
+    start, moved_on = np.eye(4), np.eye(4)
+    start[2, 3] = moved_on[2, 3] = 0.5
+    moved_on[0, 3] = movement
+    still = HandDetection(start, np.diag(DEVIATION**2))
+    before = Sample(still, ExpectedPoses(start, np.eye(4)))
+    stayed = Sample(still, ExpectedPoses(moved_on, np.eye(4)))
+    went = Sample(HandDetection(moved_on, still.covariance), stayed.expected)
+    assert explain(before, stayed).evidence < -1.0
+    assert explain(before, went).evidence > 1.0

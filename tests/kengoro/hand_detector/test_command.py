@@ -130,14 +130,15 @@ def test_a_file_is_there_only_when_it_is_calibrated(
     assert out.read_bytes() == b"earlier one"
 
 
+@pytest.mark.parametrize("start", [[], ["--start", "none"], ["--start", "kengoro"]])
 def test_a_camera_that_does_not_see_the_hand_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], start: list[str]
 ) -> None:
     away = tmp_path / "away.xml"
     away.write_text(STRANGER.read_text().replace('pos="0.25 0 0.9"', 'pos="5 0 0.9"'))
     out = tmp_path / "hand.zip"
     assert main(["hand-detector", "train", str(away), *OWN, "--out", str(out), "--frames", "8",
-                 "--jobs", "1"]) == 2  # fmt: skip
+                 "--jobs", "1", *start]) == 2  # fmt: skip
     assert "shows the body 'gripper' in 0 of 8 frames only" in capsys.readouterr().err
     assert not out.exists()
 
@@ -153,6 +154,16 @@ def test_without_a_terminal_each_tenth_of_a_stage_is_a_line(
     assert lines[:2] == ["examples: 0% 0 files", "examples: 10% 10 files"]
     assert lines[-2:] == ["examples: 100% 100 files", "points: 0%"]
     assert len(lines) == 12
+
+
+def test_a_start_that_is_not_there_is_named_before_anything_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "hand.zip"
+    assert main(["hand-detector", "train", str(STRANGER), *OWN, "--out", str(out), "--start",
+                 str(tmp_path / "gone.zip")]) == 2  # fmt: skip
+    assert "gone.zip" in capsys.readouterr().err
+    assert not list((tmp_path / "hand.zip.training").glob("*"))
 
 
 @pytest.mark.slow

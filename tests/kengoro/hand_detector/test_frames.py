@@ -168,3 +168,54 @@ def test_a_hand_at_a_ball_joint_turns_within_its_range(tmp_path: Path) -> None:
     assert max(angles) < np.deg2rad(40.0) + 1e-9
     assert max(angles) > np.deg2rad(20.0)
     assert len(set(np.round(angles, 6))) == 20
+
+
+def test_a_camera_does_not_move_what_it_takes() -> None:
+    """Labels would be wrong by as much as a blur shifts the picture."""
+    image = np.zeros((61, 81, 3), dtype=np.uint8)
+    image[20:41, 30:51] = 200
+    for number in range(60):
+        taken = develop(image, np.random.default_rng(number)).astype(float).sum(axis=2)
+        rows, columns = np.nonzero(taken > 0.5 * (taken.min() + np.quantile(taken, 0.95)))
+        assert abs(np.mean(rows) - 30.0) < 0.6
+        assert abs(np.mean(columns) - 40.0) < 0.6
+
+
+def test_a_hand_is_in_view_where_that_is_wanted_and_possible() -> None:
+    maker = SOURCES["ours"].maker()
+    for number in range(12):
+        frame = maker.make(np.random.default_rng([7, number]), shown=number % 2 == 0)
+        x, y, z = frame.middle(maker.centre)
+        within = z > 0.0 and abs(x) * maker.focal < 320 * z and abs(y) * maker.focal < 240 * z
+        assert within == (number % 2 == 0)
+
+
+def test_a_part_of_a_hand_at_the_border_has_a_share() -> None:
+    maker, without = SOURCES["ours"].maker(), maker_without_hand(SOURCES["ours"])
+    seen = 0
+    for number in range(60):
+        frame = maker.make(np.random.default_rng([8, number]), shown=False)
+        other = without.make(np.random.default_rng([8, number]), shown=False)
+        if np.mean(np.abs(frame.image.astype(int) - other.image).max(axis=2) > 30) > 0.01:
+            seen += 1
+            assert frame.visible > 0.0
+    assert seen > 0
+
+
+def test_a_hand_that_cannot_leave_the_view_is_left_out() -> None:
+    source = SOURCES["stranger"]
+    maker, without = source.maker(), maker_without_hand(source)
+    for number in range(5):
+        frame = maker.make(np.random.default_rng([8, number]), shown=False)
+        other = without.make(np.random.default_rng([8, number]), shown=False)
+        assert frame.visible == 0.0
+        assert np.array_equal(frame.image, other.image)
+
+
+def test_the_other_geoms_are_those_that_are_not_the_hands() -> None:
+    source = SOURCES["stranger"]
+    maker = source.maker()
+    model = load_model(source.model, np.random.default_rng([source.seed, 1]), source.hidden)
+    hand = hand_geoms(model, model.body(source.body).id)
+    frame = maker.make(np.random.default_rng(7))
+    assert len(frame.others) == model.ngeom - len(hand)

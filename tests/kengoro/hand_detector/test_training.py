@@ -101,6 +101,18 @@ def test_an_exported_network_has_the_same_outputs(job: Job, tmp_path: Path, kind
         assert there.forward() == pytest.approx(expected, abs=1e-4)
 
 
+def test_an_exported_network_names_no_folder_of_the_machine(job: Job, tmp_path: Path) -> None:
+    export(PointsNetwork(COUNT, SIZE), job, tmp_path / "points.onnx")
+    content = (tmp_path / "points.onnx").read_bytes()
+    for trace in (
+        b'File "',
+        b"networks/points",
+        str(Path(__file__).parents[3]).encode(),
+        b"site-packages",
+    ):
+        assert trace not in content
+
+
 @pytest.mark.parametrize("kind", ["points", "finder"])
 def test_a_network_that_starts_from_an_exported_one_computes_the_same(
     job: Job, tmp_path: Path, kind: str
@@ -110,7 +122,8 @@ def test_a_network_that_starts_from_an_exported_one_computes_the_same(
     torch.manual_seed(5)
     network = FinderNetwork() if kind == "finder" else PointsNetwork(COUNT, SIZE)
     pictures = torch.rand(16, 3, SIZE, SIZE)
-    start_from(network, path, pictures)
+    taken, count = start_from(network, path, pictures)
+    assert taken == count
     others = torch.rand(7, 3, SIZE, SIZE)
     with torch.no_grad():
         assert network.eval()(others).numpy() == pytest.approx(trained(others).numpy(), abs=1e-3)
@@ -138,7 +151,8 @@ def test_weights_of_another_count_of_points_fit_in_part_and_foreign_ones_not(
     for kind, network in (("points", PointsNetwork(COUNT + 3, SIZE)), ("finder", FinderNetwork())):
         export(network, replace(job, kind=kind), tmp_path / f"{kind}.onnx")
     here = PointsNetwork(COUNT, SIZE)
-    start_from(here, tmp_path / "points.onnx", pictures)
+    taken, count = start_from(here, tmp_path / "points.onnx", pictures)
+    assert 0 < taken < count
     with pytest.raises(ValueError, match=r"no weights of finder\.onnx fit"):
         start_from(here, tmp_path / "finder.onnx", pictures)
 
