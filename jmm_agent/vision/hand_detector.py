@@ -163,11 +163,30 @@ class TrainedHandDetector:
     ) -> list[Candidate]:
         """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
         with self._lock:
-            views = self._views(frame_rgb)
+            views = self.views(frame_rgb)
             if expected is not None and self._in_front(expected):
                 views.append(self._view(expected))
             found = [self._candidate(frame_rgb, view) for view in views]
         return [each for each in found if each is not None]
+
+    def views(self, frame_rgb: np.ndarray) -> list[CropView]:
+        """Views of the places at which the finder sees a hand, the surest first."""
+        camera, factor = self._camera, self._model.finder_focal / self._camera.fx
+        small = finder_input(frame_rgb, factor)
+        output = _run(self._finder, small)[0]
+        scores = expit(output[0])
+        views: list[CropView] = []
+        for _ in range(MOST_VIEWS):
+            row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+            if scores[row, column] < LEAST_SCORE:
+                break
+            dx, dy, log_slope = output[1:, row, column]
+            at = (np.array([column + dx, row + dy]) + 0.5) * STRIDE - 0.5
+            ray = camera.rays((at + 0.5) / factor - 0.5)
+            if np.isfinite(ray).all():
+                views.append(looking_at(ray, float(np.exp(log_slope)), self._model.size))
+            scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
+        return views
 
     def _view(self, pose: Floats, level: bool = False) -> CropView:
         """The view of the hand at a pose in the camera (4, 4)."""
@@ -189,25 +208,6 @@ class TrainedHandDetector:
         near = min(float(middle[2]) for middle in middles)
         across = [near * middle[:2] / middle[2] for middle in middles]
         return float(np.linalg.norm(across[0] - across[1])) > SAME * self._model.radius
-
-    def _views(self, frame: np.ndarray) -> list[CropView]:
-        """Views of the places at which the finder sees a hand, the surest first."""
-        camera, factor = self._camera, self._model.finder_focal / self._camera.fx
-        small = finder_input(frame, factor)
-        output = _run(self._finder, small)[0]
-        scores = expit(output[0])
-        views: list[CropView] = []
-        for _ in range(MOST_VIEWS):
-            row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-            if scores[row, column] < LEAST_SCORE:
-                break
-            dx, dy, log_slope = output[1:, row, column]
-            at = (np.array([column + dx, row + dy]) + 0.5) * STRIDE - 0.5
-            ray = camera.rays((at + 0.5) / factor - 0.5)
-            if np.isfinite(ray).all():
-                views.append(looking_at(ray, float(np.exp(log_slope)), self._model.size))
-            scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
-        return views
 
     def _candidate(self, frame: np.ndarray, view: CropView) -> Candidate | None:
         """The hand that a view shows; None if its points have no pose."""

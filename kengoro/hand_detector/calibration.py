@@ -1,7 +1,8 @@
 """Calibration of a hand detector: what its covariances and scores are worth in new frames.
 
 The points of a hand err together, so the covariance of a pose from independent points is too small.
-Frames that no network learned from say by how much, and from which score on a hand is believed.
+Frames and textures that no network learned from say by how much, and from which score on a hand is
+believed.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def calibrate(
         progress: called with the share that is done.
     """
     model, *networks = read_hand_model(path)
-    maker = source.maker()
+    maker = source.maker(others=True)
     camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
     detector = TrainedHandDetector(camera, path)
     scores, errors, without = [], [], []

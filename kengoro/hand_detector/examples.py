@@ -15,7 +15,7 @@ import numpy as np
 from jmm_agent.mapping.array_file import write_arrays
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import MARGIN, CropView, looking_at, roll_of
-from jmm_agent.vision.hand_detector import STRIDE, finder_input
+from jmm_agent.vision.hand_detector import STRIDE, TrainedHandDetector, finder_input
 from kengoro.hand_detector.frames import Frame, FrameMaker, develop, load_model
 from kengoro_env.types import Floats
 
@@ -32,6 +32,9 @@ ELSEWHERE = 0.12
 """Share of the crops that show another place, in frames that show the hand [1]."""
 FAR = 2.0
 """Such a place is this far from the hand [half widths of a crop]."""
+NEAR, TWICE = 0.6, 2.0
+"""A place of a finder shows the hand if it is as near as this [half widths of a crop], and its
+view wider or narrower by this factor at most [1]."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,13 @@ class Source:
     count: int = 32
     seed: int = 0
 
-    def maker(self) -> FrameMaker:
-        """Makes frames of the model."""
-        textures = np.random.default_rng([self.seed, 1])
+    def maker(self, others: bool = False) -> FrameMaker:
+        """Makes frames of the model.
+
+        Args:
+            others: whether with other textures than those of the examples.
+        """
+        textures = np.random.default_rng([self.seed, 4 if others else 1])
         model = load_model(self.model, textures, self.hidden)
         return FrameMaker(model, self.body, self.camera, self.count)
 
@@ -77,7 +84,7 @@ class Jitter(NamedTuple):
     roll: float | None
 
 
-JITTERS = (Jitter(0.22, 0.16, None), Jitter(0.05, 0.05, 0.10))
+JITTERS = (Jitter(0.30, 0.20, None), Jitter(0.12, 0.10, 0.25))
 """Of crops around what the finder found, and around what the first crop showed."""
 
 
@@ -104,7 +111,9 @@ def jittered_view(
     return looking_at(moved, slope, size, roll)
 
 
-def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) -> int:
+def make_chunk(
+    source: Source, number: int, folder: Path, count: int = CHUNK, finder: Path | None = None
+) -> int:
     """Write the examples of some frames into a file, unless it is there.
 
     Args:
@@ -112,6 +121,8 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
         number: of the file.
         folder: of the files.
         count: number of frames.
+        finder: file of a detector. Up to half of the crops show the places that its finder offers,
+            as in use: beside the hand, or at what only resembles one.
 
     Returns:
         Number of frames that show the hand.
@@ -122,6 +133,7 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
             return int(stored["cells"][:, 3].sum())
     maker = source.maker()
     camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
+    offers = None if finder is None else TrainedHandDetector(camera, finder).views
     rows: dict[str, list[object]] = {
         name: [] for name in ("small", "cells", "crops", "positions", "present")
     }
@@ -134,9 +146,14 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
         small, cells = _finder_example(frame, maker, camera)
         rows["small"].append(small)
         rows["cells"].append(cells)
-        for turn in range(CROPS):
-            view, there = _view(frame, maker, source.size, JITTERS[turn % 2], random)
-            if view is None:
+        views: list[tuple[CropView | None, bool | None]] = [
+            _view(frame, maker, source.size, JITTERS[turn % 2], random) for turn in range(CROPS)
+        ]
+        if offers is not None:
+            offered = [view._replace(size=source.size) for view in offers(frame.image)]
+            views[: len(offered)] = [(view, shows(view, frame, maker)) for view in offered]
+        for view, there in views:
+            if view is None or there is None:
                 continue
             rows["crops"].append(view.cut(frame.image, camera))
             positions = view.project(frame.points_in_camera(maker.points))
@@ -182,6 +199,20 @@ def _view(
         if np.linalg.norm(off) < FAR:
             return None, False
     return view, False
+
+
+def shows(view: CropView, frame: Frame, maker: FrameMaker) -> bool | None:
+    """Whether a finder's view shows the hand; None if it shows a part of it, or is too wide."""
+    if frame.visible < ABSENT:
+        return False
+    middle = frame.middle(maker.centre)
+    if (middle @ view.rotation)[2] <= 0.0:
+        return False
+    off = float(np.linalg.norm(view.slopes(view.project(middle)) / view.slope))
+    if off >= FAR:
+        return False
+    right = MARGIN * maker.radius / float(np.linalg.norm(middle))
+    return True if off < NEAR and 1.0 / TWICE < view.slope / right < TWICE else None
 
 
 def _elsewhere(frame: Frame, random: np.random.Generator) -> Floats:

@@ -32,7 +32,7 @@ STAGES = ("examples", "finder", "points", "calibration")
 LEAST_SHOWN = 0.2
 """Least share of the frames in which the hand must be seen [1]."""
 NETWORKS = ("finder", "points")
-FINDER_SHARE = 0.5
+FINDER_SHARE = 1.0
 """Examples of the finder for one of the points network [1]."""
 
 Progress = Callable[[str, float, str], None]
@@ -161,7 +161,9 @@ def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progr
     shown = 0
     with ProcessPoolExecutor(effort.jobs, context) as pool:
         tasks = [
-            pool.submit(make_chunk, source, number, folder, min(CHUNK, effort.frames - start))
+            pool.submit(
+                make_chunk, source, number, folder, min(CHUNK, effort.frames - start), effort.start
+            )
             for number, start in enumerate(starts)
         ]
         for done, task in enumerate(as_completed(tasks), start=1):

@@ -22,7 +22,8 @@ class FinderNetwork(nn.Module):
         super().__init__()
         self.layers = nn.Sequential(
             convolution(3, 16, 2), convolution(16, 32, 2), Residual(32), convolution(32, 64, 2),
-            Residual(64), Residual(64), Residual(64), nn.Conv2d(64, 4, 1),
+            Residual(64), Residual(64), Residual(64), Residual(64, 2), Residual(64, 4),
+            nn.Conv2d(64, 4, 1),
         )  # fmt: skip
 
     def forward(self, frames: Tensor) -> Tensor:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from torch import Tensor, nn
 
 
-def convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
+def convolution(inputs: int, outputs: int, stride: int = 1, dilation: int = 1) -> nn.Sequential:
     """A convolution of 3 x 3 with batch normalisation and ReLU."""
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
+        nn.Conv2d(inputs, outputs, 3, stride, dilation, dilation, bias=False),
         nn.BatchNorm2d(outputs),
         nn.ReLU(inplace=True),
     )
@@ -19,11 +19,13 @@ class Residual(nn.Module):
 
     Args:
         width: number of channels.
+        dilation: distance of the cells that the first one combines.
     """
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, dilation: int = 1) -> None:
         super().__init__()
-        self.first, self.second = convolution(width, width), convolution(width, width)
+        self.first = convolution(width, width, dilation=dilation)
+        self.second = convolution(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
         """Features (b, width, h, w) of features of the same shape."""

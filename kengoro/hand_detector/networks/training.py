@@ -20,6 +20,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
+from kengoro.hand_detector.networks.augmentation import hide_parts, move_frames, vary_colours
 from kengoro.hand_detector.networks.finder import FinderNetwork, finder_loss
 from kengoro.hand_detector.networks.points import PointsNetwork, points_loss
 from kengoro.hand_detector.networks.start import start_from
@@ -27,7 +28,7 @@ from mjcf_sandbox.files import whole_file
 
 RATE = 3e-3
 """Largest step size of AdamW."""
-STARTED_RATE = 2.5e-4
+STARTED_RATES = {"finder": 1e-3, "points": 5e-4}
 """The same from trained weights on."""
 WARM_UP = 0.1
 """Share of the steps in which the step size rises; then it falls as a cosine [1]."""
@@ -84,17 +85,17 @@ class Examples:
         self._tensors = [_joined(paths, name, job.device) for name in names]
         total = len(self._tensors[0])
         self._count, self._batch = int(total * (1.0 - HELD_OUT)), job.batch
+        self._kind = job.kind
 
     def batch(self, random: np.random.Generator) -> list[Tensor]:
-        """Pictures (b, 3, h, w) in [0, 1] of training examples, and their labels."""
-        shape, device = (self._batch, 3, 1, 1), self._tensors[0].device
+        """Pictures (b, 3, h, w) in [0, 1] of varied training examples, and their labels."""
+        device = self._tensors[0].device
         chosen = torch.from_numpy(random.integers(self._count, size=self._batch)).to(device)
         pictures, *labels = (tensor[chosen] for tensor in self._tensors)
-        gain, bias = (
-            torch.from_numpy(random.normal(mean, spread, shape).astype(np.float32)).to(device)
-            for mean, spread in ((1.0, 0.15), (0.0, 0.06))
-        )
-        return [(_planes(pictures) * gain + bias).clamp_(0.0, 1.0), *labels]
+        pictures = hide_parts(vary_colours(pictures, random), random)
+        if self._kind == "finder":
+            return list(move_frames(pictures, labels[0], random))
+        return [pictures, *labels]
 
     def held_out(self) -> list[Tensor]:
         """Pictures and labels of the examples that are not learned from, at most 1000."""
@@ -134,7 +135,7 @@ def train(job: Job) -> nn.Module:
     network = network.to(device=job.device, memory_format=torch.channels_last)
     loss = finder_loss if job.kind == "finder" else points_loss
     steps = max(job.samples // job.batch, 1)
-    rate = STARTED_RATE if job.start else RATE
+    rate = STARTED_RATES[job.kind] if job.start else RATE
     optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, partial(_rate, steps))
     examples, state = Examples(job), Path(job.folder) / f"{job.kind}.checkpoint"

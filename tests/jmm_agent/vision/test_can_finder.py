@@ -181,7 +181,7 @@ def test_of_two_cans_none_is_chosen() -> None:
 def test_a_can_that_the_border_cuts_has_no_pose() -> None:
     """While the view turns away the can has a right place, then is cut, then is not seen."""
     seen = []
-    for y in np.arange(0.12, 0.50, 0.02):
+    for y in np.arange(0.12, 0.50, 0.04):
         view = view_from(EYE, (0.4, y, 0.06))
         found = detect([CAN], view)
         if isinstance(found, CanDetection):

@@ -9,10 +9,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from kengoro.hand_detector.examples import Source, chunk_path, make_chunk
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.crop_view import hand_view, looking_at
+from jmm_agent.vision.hand_detector import TrainedHandDetector
+from kengoro.hand_detector.examples import Source, chunk_path, make_chunk, shows
 from kengoro.hand_detector.frames import FrameMaker, develop, load_model
 from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
-from kengoro_env.assets import asset_path
+from kengoro.hand_weights import KENGORO
+from kengoro_env.assets import asset_path, assets_root
 
 STRANGER = Path(__file__).with_name("two_links.xml")
 SOURCES = {
@@ -133,6 +137,44 @@ def test_a_file_of_examples_has_crops_labelled_with_the_points(tmp_path: Path) -
     rows, columns = (side / 8 for side in arrays["small"].shape[1:3])
     assert ((cells[:, 0] > -1.0) & (cells[:, 0] < columns)).all()
     assert ((cells[:, 1] > -1.0) & (cells[:, 1] < rows)).all()
+
+
+def test_some_crops_show_what_a_trained_finder_offers(tmp_path: Path) -> None:
+    """What it offers beside a hand, and off the hand, is what the points network must tell."""
+    source = SOURCES["ours"]
+    maker = source.maker()
+    camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
+    offers = TrainedHandDetector(camera, assets_root() / KENGORO).views
+    for number, finder in enumerate((None, assets_root() / KENGORO)):
+        make_chunk(source, 0, tmp_path / str(number), 12, finder)
+    plain, mined = (np.load(chunk_path(tmp_path / name, 0)) for name in "01")
+    assert np.array_equal(plain["small"], mined["small"])
+    random = np.random.default_rng([source.seed, 2, 0])
+    frame = maker.make(random)
+    frame = frame._replace(image=develop(frame.image, random))
+    first = offers(frame.image)[0].cut(frame.image, camera)
+    assert any(np.array_equal(first, crop) for crop in mined["crops"])
+    assert not any(np.array_equal(first, crop) for crop in plain["crops"])
+
+
+@pytest.mark.parametrize(
+    ("off", "wide", "expected"),
+    [(0.1, 1.0, True), (0.5, 1.2, True), (1.0, 1.0, None), (0.1, 2.5, None), (2.5, 1.0, False)],
+)
+def test_a_view_shows_the_hand_if_it_is_near_and_of_its_size(
+    off: float, wide: float, expected: bool | None
+) -> None:
+    maker = SOURCES["ours"].maker()
+    frame = next(
+        frame
+        for number in range(20)
+        if (frame := maker.make(np.random.default_rng([6, number]))).visible > 0.8
+    )
+    right = hand_view(frame.pose, maker.centre, maker.radius, 128)
+    ray = right.rotation @ [wide * right.slope * off, 0.0, 1.0]
+    view = looking_at(ray, wide * right.slope, 128)
+    assert shows(view, frame, maker) is expected
+    assert shows(view, frame._replace(visible=0.0), maker) is False
 
 
 def test_files_that_are_there_are_kept(tmp_path: Path) -> None:

@@ -139,7 +139,7 @@ def test_a_training_from_trained_weights_begins_where_that_one_ended(
         train(of)
         return float(json.loads(capsys.readouterr().out.splitlines()[0])["curve"][-1][2])
 
-    afresh = first_loss(replace(job, samples=64 * 5 * steps))
+    afresh = first_loss(replace(job, samples=64 * steps))
     export(train(replace(job, samples=64 * 5 * steps)), job, path)
     assert first_loss(replace(job, samples=64 * steps, start=str(path))) < afresh - 1.0
 
