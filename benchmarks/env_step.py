@@ -68,7 +68,7 @@ def main() -> None:
             stepped, raw = rounds_us(env, thread_time)
             camera_time = "-"
             if "Elbow" not in env_id:
-                with_camera = gym.make(env_id, robot_seed=seed).unwrapped
+                with_camera = gym.make(env_id, robot_seed=seed, camera=True).unwrapped
                 assert isinstance(with_camera, KengoroEnv)
                 camera_time = f"{np.median(rounds_us(with_camera, perf_counter)[0]):.0f}"
                 with_camera.close()

@@ -26,7 +26,7 @@ from kengoro_env.vector import KengoroVectorEnv
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0")
 ROBOTS = (None, 0)
-COUNTS = (1, 8, 64, 256)
+COUNTS = (1, 2, 4, 8, 64, 256)
 """Numbers of environments."""
 
 ROUNDS, STEPS = 25, 20

@@ -36,8 +36,8 @@ KINDS: dict[str, tuple[str, str, dict[str, bool]]] = {
     REFERENCE: ("import gymnasium", REFERENCE, {}),
     "Elbow": (OURS, "Kengoro/Elbow-v0", {}),
     "Posture, no camera": (OURS, "Kengoro/Posture-v0", {"camera": False}),
-    "Posture": (OURS, "Kengoro/Posture-v0", {}),
-    "CanGrasp": (OURS, "Kengoro/CanGrasp-v0", {}),
+    "Posture": (OURS, "Kengoro/Posture-v0", {"camera": True}),
+    "CanGrasp": (OURS, "Kengoro/CanGrasp-v0", {"camera": True}),
 }
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
+from kengoro_env import ScaledObservation
+
 STEPS = 20_000
 
 
@@ -18,7 +20,7 @@ def make() -> gym.Env:
 
 def mean_reward(policy: PPO | None, episodes: int = 3) -> float:
     """Mean reward of a step, of a policy or of random actions."""
-    env, rewards = gym.wrappers.FlattenObservation(make()), []
+    env, rewards = ScaledObservation(make()), []
     env.action_space.seed(0)
     for episode in range(episodes):
         observation, _ = env.reset(seed=episode)
@@ -31,7 +33,7 @@ def mean_reward(policy: PPO | None, episodes: int = 3) -> float:
     return float(np.mean(rewards))
 
 
-envs = make_vec_env(lambda: gym.wrappers.FlattenObservation(make()), n_envs=4, seed=0)
+envs = make_vec_env(lambda: ScaledObservation(make()), n_envs=4, seed=0)
 policy = PPO("MlpPolicy", envs, n_steps=256, seed=0)
 before = mean_reward(None)
 policy.learn(STEPS)

@@ -63,6 +63,7 @@ def make_env(
     *,
     hand: HandKind = "marker",
     can: CanKind = "marker",
+    camera: bool | None = None,
     **options: Any,
 ) -> gym.Env[Any, Any]:
     """An environment of Kengoro's arm.
@@ -72,7 +73,9 @@ def make_env(
         robot_seed: which actual robot; None for the nominal model, without departures.
         hand: whether the hand carries its marker ("marker") or none ("seen").
         can: whether the can carries its marker ("marker") or none ("seen").
-        **options: of `gymnasium.make`, such as ``camera`` or ``max_episode_steps``.
+        camera: whether the robot has its camera, from which the agent learns; None: if the task's
+            scene has one.
+        **options: of `gymnasium.make`, such as ``max_episode_steps``.
 
     Raises:
         UsageError: the task is unknown, the seed is negative, or there is no such hand or can.
@@ -88,7 +91,7 @@ def make_env(
         departures = (*departures, NoHandMarker(removed=True))
     if can == "seen":
         departures = (*departures, NoCanMarker(removed=True))
-    return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
+    return gym.make(f"Kengoro/{task}-v0", departures=departures, camera=camera, **options)
 
 
 def sample_postures(

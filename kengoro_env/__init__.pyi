@@ -11,6 +11,7 @@ from .robot.statics import Statics
 from .vector import KengoroVectorEnv
 from .vision.head_camera import HeadCamera
 from .vision.rendering import Painter
+from .wrappers import ScaledObservation, ScaledVectorObservation
 
 __all__ = [
     "Departure",
@@ -23,6 +24,8 @@ __all__ = [
     "NominalArm",
     "Painter",
     "Robot",
+    "ScaledObservation",
+    "ScaledVectorObservation",
     "Statics",
     "actual",
     "drawing",

@@ -7,11 +7,12 @@ from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from kengoro_env.arguments import checked_mapping, seed_or_none
+from kengoro_env.arguments import checked_mapping, seed_or_none, whole
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, UnknownNameError
@@ -19,7 +20,14 @@ from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.robot.robot import Robot
-from kengoro_env.spaces import LATEST, box, checked_action, length_bounds
+from kengoro_env.spaces import (
+    LATEST,
+    box,
+    checked_action,
+    checked_dtype,
+    in_dtype,
+    length_bounds,
+)
 from kengoro_env.stepping.choice import steps_of_one
 from kengoro_env.stepping.report import Observation, measured_report
 from kengoro_env.stepping.tracked_object import TrackedObject
@@ -31,7 +39,7 @@ from kengoro_env.tasks.task import Task
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
 from kengoro_env.vision.lens import camera_painter
-from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
+from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Painter, open_window
 
 TASKS: dict[str, Callable[[], Task]] = {
     "can_grasp": CanGrasp,
@@ -40,7 +48,7 @@ TASKS: dict[str, Callable[[], Task]] = {
 }
 
 METADATA: dict[str, Any] = {
-    "render_modes": ["human", "rgb_array"],
+    "render_modes": ["human", "rgb_array", "depth_array"],
     "render_fps": round(1 / CONTROL_PERIOD),
 }
 
@@ -48,7 +56,10 @@ COLDEST, HOTTEST = -50.0, 500.0
 """Bounds of the observed temperatures of the motors [degC]."""
 
 OUTSIDE = "outside"
-"""Name of the camera of `KengoroEnv.render`."""
+"""Name of the camera of `KengoroEnv.render`, unless it is asked for another."""
+
+MOST_PIXELS = 4096
+"""Largest width and height of an image."""
 
 
 class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -58,7 +69,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     (`lengths_to_action`, `kengoro_env.spaces`), then in CanGrasp an entry for the fingers, from -1
     (open) to +1 (closed). Muscle stiffness control holds the target lengths at the physics rate.
 
-    Observation, `Dict`; readings saturate at the bounds of their spaces:
+    Observation, `Dict`; readings saturate at the bounds of their spaces; float64 may be float32
+    (``dtype``):
 
     ============  ==================  =======  =================================================
     entry         shape               unit     content
@@ -84,9 +96,16 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         robot_seed: seed of an actual robot; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
         camera: whether ``frame`` and ``frame_time`` are observed; None: if the scene has a camera.
-        render_mode: None, "rgb_array" or "human".
+            ``Kengoro/CanGrasp-v0`` is registered with True, for nothing else shows the can.
+        render_mode: None, "rgb_array", "depth_array" or "human".
         gains: gains of muscle stiffness control after each reset.
         control_period: simulated time of a step, from 0.001 to 0.1 [s].
+        width: width of the images of `render` [pixels].
+        height: height of the images of `render` [pixels].
+        camera_name: camera of the model that `render` uses: "outside", or "eye" in the head,
+            without the errors of its lens; None: "outside".
+        dtype: of the numbers in observations, `numpy.float64` or `numpy.float32`; ``info`` is
+            float64.
 
     Attributes:
         robot: the simulated robot.
@@ -106,15 +125,16 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         task: str,
         robot_seed: int | None = None,
         departures: Sequence[Departure] | None = None,
-        camera: bool | None = None,
+        camera: bool | None = False,
         render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
         control_period: float = CONTROL_PERIOD,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera_name: str | None = None,
+        dtype: DTypeLike = np.float64,
     ) -> None:
-        if not isinstance(task, str) or task not in TASKS:
-            raise UnknownNameError("task", task, TASKS)
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise UnknownNameError("render_mode", render_mode, self.metadata["render_modes"])
+        _check_names(task, render_mode)
         if not isinstance(gains, Gains):
             raise ArgumentError(f"gains must be kengoro_env.Gains, got {gains!r}")
         self.task = TASKS[task]()
@@ -125,7 +145,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.metadata = {**METADATA, "render_fps": round(1 / control_period)}
         self.muscles, self.joints = robot.muscles, robot.joints
         self.render_mode = render_mode
-        self._painter = Painter(robot.model)
+        size = (whole("width", width, 1, MOST_PIXELS), whole("height", height, 1, MOST_PIXELS))
+        self._painter = Painter(robot.model, *size)
+        self._view = _camera_name(robot.model, camera_name)
         self._window: Any = None
         self._camera = None
         if camera and not self.task.has_camera:
@@ -141,7 +163,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self._action_shape = (len(self._entries),)
         self.action_space = spaces.Box(-1.0, 1.0, self._action_shape, dtype=np.float32)
-        self.observation_space = self._make_observation_space()
+        self._dtype = checked_dtype(dtype)
+        self._rounds = self._dtype != np.float64
+        self.observation_space = in_dtype(self._make_observation_space(), self._dtype)
         name = self.task.object_name
         self._tracked = None if name is None else TrackedObject(robot.model, name)
         self._steps = steps_of_one(robot, self.bounds, self._entries, self._tracked)
@@ -231,6 +255,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         observation, info = start.observation, start.truth
         self._add_frame_and_target(observation)
         self._add_temperatures(observation, info)
+        if self._rounds:
+            self._round(observation)
         info["success"] = False
         self.task.write_info(info, start.object_state)
         _fix_types(info)
@@ -275,6 +301,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self.robot.heat.advance(self.robot.tensions, self.robot.control_period)
         self._add_frame_and_target(observation)
         self._add_temperatures(observation, info)
+        if self._rounds:
+            self._round(observation)
         _fix_types(info)
         self._last = observation, info
         if ended is not None:
@@ -300,10 +328,20 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         info["core_temperatures"] = heat.core.copy()
         info["housing_temperatures"] = heat.housing.copy()
 
-    def render(self) -> Image | None:
-        """Render the outside view (480, 640, 3) uint8; None if a window shows it.
+    def _round(self, observation: Observation) -> None:
+        for name, value in observation.items():
+            if value.dtype == np.float64:
+                observation[name] = value.astype(self._dtype)
+
+    def render(self) -> NDArray[Any] | None:
+        """Render the robot as ``render_mode`` says.
 
         Without a display, "human" warns once and becomes "rgb_array".
+
+        Returns:
+            "rgb_array": (height, width, 3) uint8; "depth_array": distances along the camera's axis
+            (height, width) float32 [m], that of the far clipping plane where there is nothing;
+            otherwise None.
         """
         if self.render_mode is None:
             return None
@@ -315,7 +353,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self.render_mode == "human":
             self._window.sync()
             return None
-        return self._painter.draw(robot.data, OUTSIDE)
+        if self.render_mode == "depth_array":
+            return self._painter.depth(robot.data, self._view)
+        return self._painter.draw(robot.data, self._view)
 
     def close(self) -> None:
         """Close the window and free the GL contexts; a second call does nothing."""
@@ -333,6 +373,24 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._steps = steps_of_one(self.robot, self.bounds, self._entries, self._tracked)
+
+
+def _check_names(task: object, render_mode: object) -> None:
+    if not isinstance(task, str) or task not in TASKS:
+        raise UnknownNameError("task", task, TASKS)
+    modes = METADATA["render_modes"]
+    if render_mode not in (None, *modes):
+        raise UnknownNameError("render_mode", render_mode, modes)
+
+
+def _camera_name(model: mujoco.MjModel, name: object) -> str:
+    """A camera's name, if the model has it."""
+    if name is None:
+        return OUTSIDE
+    known = [model.camera(i).name for i in range(model.ncam)]
+    if name not in known:
+        raise UnknownNameError("camera_name", name, known)
+    return str(name)
 
 
 def _fix_types(info: dict[str, Any]) -> None:

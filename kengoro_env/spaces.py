@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.arguments import described, real_numbers
 from kengoro_env.assets import asset_path, assets_root
-from kengoro_env.errors import InvalidActionError
+from kengoro_env.errors import ArgumentError, InvalidActionError
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.types import Floats
 from mjcf_sandbox.files import write_json
@@ -132,6 +132,35 @@ def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
     """A box of float64 between two bounds that broadcast to ``shape``."""
     low, high = (np.broadcast_to(np.asarray(bound, dtype=float), shape) for bound in (low, high))
     return spaces.Box(low.copy(), high.copy(), dtype=np.float64)
+
+
+def checked_dtype(dtype: object) -> np.dtype[Any]:
+    """The dtype of the numbers in observations.
+
+    Args:
+        dtype: `numpy.float64` or `numpy.float32`, as a type, a dtype or a name.
+
+    Raises:
+        ArgumentError: it is neither.
+    """
+    try:
+        found = None if dtype is None else np.dtype(dtype)  # type: ignore[call-overload]
+    except TypeError:
+        found = None
+    if found is None or found not in (np.dtype(np.float64), np.dtype(np.float32)):
+        raise ArgumentError(f"dtype must be numpy.float64 or numpy.float32, got {dtype!r}")
+    return found
+
+
+def in_dtype(space: spaces.Dict, dtype: np.dtype[Any]) -> spaces.Dict:
+    """A space with boxes of ``dtype`` in place of those of float64."""
+    return spaces.Dict({name: _box_in(entry, dtype) for name, entry in space.spaces.items()})
+
+
+def _box_in(entry: spaces.Space[Any], dtype: np.dtype[Any]) -> spaces.Space[Any]:
+    if not isinstance(entry, spaces.Box) or entry.dtype != np.float64:
+        return entry
+    return spaces.Box(entry.low.astype(dtype), entry.high.astype(dtype), dtype=dtype.type)
 
 
 @cache

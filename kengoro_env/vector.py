@@ -7,9 +7,10 @@ from copy import copy
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from kengoro_env.arguments import (
     checked_mapping,
@@ -30,24 +31,25 @@ from kengoro_env.errors import (
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
-from kengoro_env.spaces import check_actions
+from kengoro_env.spaces import check_actions, checked_dtype, in_dtype
 from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import Report
 from kengoro_env.tasks.reach import Reach, judged
 from kengoro_env.types import Bools, Floats
+from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 Observations = dict[str, NDArray[Any]]
 Infos = dict[str, Any]
 
 MANY: dict[str, Any] = {
     **METADATA,
-    "render_modes": [],
+    "render_modes": ["rgb_array", "depth_array"],
     "autoreset_mode": AutoresetMode.NEXT_STEP,
 }
 
 
 class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
-    """Several `KengoroEnv` without a camera, stepped on all cores.
+    """Several `KengoroEnv` without frames in the observations, stepped on all cores.
 
     Compiled code steps the robots, or `mujoco.batch` where there is no compiler, which is slower
     for few environments. The results have the bits of as many single environments, for any number
@@ -59,8 +61,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         task: "posture" or "elbow".
         robot_seed: seed of the actual robot, the same in all environments; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
-        camera: must be False; use ``vectorization_mode="async"`` for environments with a camera.
-        render_mode: must be None; use ``vectorization_mode="sync"`` for environments that render.
+        camera: False or None; use ``vectorization_mode="async"`` for environments with a camera.
+        render_mode: None, "rgb_array" or "depth_array"; use ``vectorization_mode="sync"`` for
+            windows.
         gains: gains of muscle stiffness control.
         max_episode_steps: number of steps after which an episode is truncated; None: never.
         threads: number of threads; 0: as many as pay, at most one per core.
@@ -69,6 +72,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             or its value: by the next step; by the same step, which then returns the last
             observation and info as ``final_obs`` and ``final_info`` in the infos; or by the user,
             with ``reset_mask``.
+        width: width of the images of `render` [pixels].
+        height: height of the images of `render` [pixels].
+        camera_name: camera of the model that `render` uses, "outside" or "eye"; None: "outside".
+        dtype: of the numbers in observations, `numpy.float64` or `numpy.float32`.
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -88,15 +95,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         task: str,
         robot_seed: int | None = None,
         departures: Sequence[Departure] | None = None,
-        camera: bool = False,
+        camera: bool | None = False,
         render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
         max_episode_steps: int | None = None,
         threads: int = 0,
         control_period: float = CONTROL_PERIOD,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera_name: str | None = None,
+        dtype: DTypeLike = np.float64,
     ) -> None:
-        _refuse_pictures(camera, render_mode)
+        _refuse_camera_and_window(camera, render_mode)
         num_envs = whole("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
@@ -107,24 +118,20 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             robot_seed,
             departures,
             camera=False,
+            render_mode=render_mode,
             gains=gains,
             control_period=control_period,
+            width=width,
+            height=height,
+            camera_name=camera_name,
         )
+        self.render_mode = render_mode
         frames = self._env.metadata["render_fps"]
         self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
-        if not isinstance(self._env.task, Reach):
-            raise ArgumentError("only the tasks posture and elbow have a vector environment")
-        if self._env.robot.heat is not None:
-            raise ArgumentError(
-                "a vector environment has no HeatingMotors: leave them out, or ask for "
-                'vectorization_mode="async"'
-            )
-        self._task = self._env.task
+        self._task = _reach_task(self._env)
         self.num_envs = num_envs
-        self.single_action_space = self._env.action_space
-        self.single_observation_space = self._env.observation_space
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._dtype = checked_dtype(dtype)
+        self._make_spaces()
         self.muscles, self.joints = self._env.muscles, self._env.joints
         self.fleet = self._new_fleet()
         self._most = np.inf if max_episode_steps is None else max_episode_steps
@@ -133,6 +140,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._until = np.full(num_envs, np.inf)  # time of the next target [s]
         self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
+
+    def _make_spaces(self) -> None:
+        """Set the spaces; the single environment inside keeps float64, which goals need."""
+        single = self._env.observation_space
+        assert isinstance(single, spaces.Dict)
+        self.single_action_space = self._env.action_space
+        self.single_observation_space = in_dtype(single, self._dtype)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
 
     def _new_fleet(self) -> Steps:
         env = self._env
@@ -228,7 +244,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._observe(report, moved, np.array(successes))
         self._steps += 1
         truncated = moved & (self._steps >= self._most)
-        for i in np.flatnonzero(begins):
+        for i in np.flatnonzero(begins) if begins.any() else ():
             self._begin(int(i), None, {})
         self._ended = diverged | truncated
         self._known["success"][diverged] = False
@@ -276,7 +292,8 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     def _observe(self, report: Report, moved: Bools, success: Bools) -> None:
         """Take over the report of the environments that moved, and set new targets."""
-        for i in np.flatnonzero(moved & (report.truth["time"] >= self._until)):
+        due = moved & (report.truth["time"] >= self._until)
+        for i in np.flatnonzero(due) if due.any() else ():
             task = self._tasks[i]
             task.next_target()
             self._observed["target"][i], self._until[i] = task.goal, task.until
@@ -297,7 +314,26 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             shown = values if complete else np.where(which.reshape(shape), values, 0)
             infos[name] = shown.astype(values.dtype)
             infos[f"_{name}"] = which.copy()
-        return {name: values.copy() for name, values in self._observed.items()}, infos
+        observed = self._observed.items()
+        return {name: values.astype(self._dtype) for name, values in observed}, infos
+
+    def render(self) -> tuple[NDArray[Any], ...] | None:
+        """Images of all environments, each as `KengoroEnv.render` returns it; None: no mode.
+
+        Raises:
+            EpisodeError: no episode has begun.
+        """
+        if self.render_mode is None:
+            return None
+        if not self._tasks:
+            raise EpisodeError("there is no episode to render (none has begun): call reset")
+        images = []
+        for i in range(self.num_envs):
+            self._env.robot.restore(self.fleet.state(i))
+            image = self._env.render()
+            assert image is not None  # there is no window
+            images.append(image)
+        return tuple(images)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environment that resets happen in, if the arguments were valid."""
@@ -314,15 +350,27 @@ def _autoreset_mode(mode: object) -> AutoresetMode:
     return known[mode]
 
 
-def _refuse_pictures(camera: bool, render_mode: str | None) -> None:
+def _reach_task(env: KengoroEnv) -> Reach:
+    """The task of an environment that can be one of many."""
+    if not isinstance(env.task, Reach):
+        raise ArgumentError("only the tasks posture and elbow have a vector environment")
+    if env.robot.heat is not None:
+        raise ArgumentError(
+            "a vector environment has no HeatingMotors: leave them out, or ask for "
+            'vectorization_mode="async"'
+        )
+    return env.task
+
+
+def _refuse_camera_and_window(camera: bool | None, render_mode: str | None) -> None:
     if camera:
         raise ArgumentError(
             "a vector environment has no camera: leave camera out, or ask for "
             'vectorization_mode="async"'
         )
-    if render_mode is not None:
+    if render_mode == "human":
         raise ArgumentError(
-            "a vector environment does not render: leave render_mode out, or ask for "
+            "a vector environment has no window: leave render_mode out, or ask for "
             'vectorization_mode="sync"'
         )
 

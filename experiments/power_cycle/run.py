@@ -117,7 +117,7 @@ def switched_on(
         sizes: durations.
         error: of the map.
     """
-    env = gym.make("Kengoro/Posture-v0", departures=robot, max_episode_steps=NO_END)
+    env = gym.make("Kengoro/Posture-v0", departures=robot, camera=True, max_episode_steps=NO_END)
     start = {"posture": postures[0], "target": postures[0]}
     session = Session(env, agent, seed + 1000, None, start)
     errors, named = [error.deg(agent.map)], None

@@ -18,8 +18,8 @@ Steps = CompiledSteps | NumpySteps
 MOST_THREADS = 256
 """Largest number of threads, that of control_step.c."""
 
-ROBOTS_PER_THREAD = 4
-"""A further thread pays only for this many robots or more."""
+LEAST_WORK = 80
+"""A further thread pays only for this much `work` or more: two steps of the nominal elbow."""
 
 
 def steps_of_one(
@@ -51,9 +51,21 @@ def steps_of_many(robot: Robot, bounds: LengthBounds, count: int, threads: int) 
     compiled = library()
     if compiled is None:
         return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
-    threads = threads or min(cores(), max(1, count // ROBOTS_PER_THREAD))
+    threads = threads or threads_for(robot, count)
     robots = copies(robot, count)
     return CompiledSteps(compiled, robots, bounds, robot.muscles, single=False, threads=threads)
+
+
+def threads_for(robot: Robot, count: int) -> int:
+    """Number of threads that pay for a step of ``count`` robots, at most one per core and robot."""
+    return min(cores(), count, max(1, count * work(robot) // LEAST_WORK), MOST_THREADS)
+
+
+def work(robot: Robot) -> int:
+    """Estimate of the work of a control step: degrees of freedom and tendons, times time steps."""
+    model = robot.model
+    substeps = round(robot.control_period / model.opt.timestep)
+    return substeps * (int(model.nv) + int(model.ntendon))
 
 
 def cores() -> int:

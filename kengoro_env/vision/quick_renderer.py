@@ -91,8 +91,8 @@ class QuickRenderer(Renderer):
         self._flags = self._prepare(self._canvas, self._counted, self.scene.nlight)
 
     def render(self, *, out: Image | None = None) -> Image:
-        """Render an image (height, width, 3) uint8, as `mujoco.Renderer` does."""
-        if out is not None or self._differs:
+        """Render an image (height, width, 3) uint8, or depths, as `mujoco.Renderer` does."""
+        if out is not None or self._differs or self._depth_rendering:
             return np.asarray(super().render(out=out))
         if self._gl_context:
             self._gl_context.make_current()

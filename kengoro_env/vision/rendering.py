@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from gymnasium import logger
 from mujoco.rendering.classic import gl_context
+from numpy.typing import NDArray
 
 from kengoro_env.errors import RenderingError
 from kengoro_env.stepping.c_compiler import library
@@ -25,6 +26,8 @@ from kengoro_env.vision.simplified_scene import SimpleRenderer
 
 WIDTH, HEIGHT = 640, 480
 """Size of an image [pixels]."""
+
+Depths = NDArray[np.float32]
 
 
 QUALITY = {"numslices": 16, "numstacks": 8, "numquads": 1, "offsamples": 0, "shadowsize": 0}
@@ -161,6 +164,34 @@ class Painter:
             RenderingError: no GL backend works here, or this process is a fork of one that has
                 rendered.
         """
+        return np.asarray(self._image(data, camera, decorate, visible, depth=False))
+
+    def depth(self, data: mujoco.MjData, camera: str) -> Depths:
+        """Distances along a camera's axis (height, width) float32 [m], up to `farthest`.
+
+        Args:
+            data: the state to render.
+            camera: name of a camera of the model.
+
+        Raises:
+            RenderingError: see `draw`.
+        """
+        return np.asarray(self._image(data, camera, None, None, depth=True))
+
+    @property
+    def farthest(self) -> float:
+        """Distance of the far clipping plane, which empty pixels of `depth` have [m]."""
+        return float(self._model.vis.map.zfar * self._model.stat.extent)
+
+    def _image(
+        self,
+        data: mujoco.MjData,
+        camera: str,
+        decorate: Callable[[mujoco.MjvScene], None] | None,
+        visible: mujoco.MjvOption | None,
+        depth: bool,
+    ) -> NDArray[Any]:
+        """An image, or its depths."""
         refuse_in_a_fork()
         with self._lock:
             if self._renderer is None:
@@ -176,8 +207,11 @@ class Painter:
                 scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
                 if decorate is not None:
                     decorate(scene)
+                if depth:
+                    renderer.enable_depth_rendering()
                 return np.asarray(renderer.render())
             finally:
+                renderer.disable_depth_rendering()
                 renderer.release()
 
     def close(self) -> None:

@@ -26,6 +26,15 @@ def test_a_study_of_a_model_with_textures_elsewhere_can_be_loaded(tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    ("task", "frames"), [("CanGrasp", True), ("Posture", True), ("Elbow", False)]
+)
+def test_robots_for_an_agent_have_the_camera_that_it_learns_from(task: str, frames: bool) -> None:
+    env = kengoro.make_env(task)
+    env.close()
+    assert ("frame" in env.observation_space.spaces) == frames
+
+
+@pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: kengoro.make_env("elbow"), "There is no task 'elbow'; there are: CanGrasp, Pos"),

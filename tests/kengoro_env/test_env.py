@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from kengoro_env.departures import Elongation, TendonStretch, actual
+from kengoro_env.departures import Elongation, HeatingMotors, TendonStretch, actual
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import InvalidActionError, KengoroError
 from kengoro_env.robot.muscle_law import Gains
@@ -34,7 +34,7 @@ def test_gymnasiums_checker_finds_nothing(
     env_id: str, robot_seed: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
-    env = make(env_id, robot_seed=robot_seed)
+    env = make(env_id, robot_seed=robot_seed, camera=None)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         check_env(env)
@@ -53,7 +53,7 @@ def test_gymnasiums_checker_finds_nothing(
     ],
 )
 def test_no_observation_is_constant(env_id: str, entries: set[str]) -> None:
-    env = gym.make(env_id, robot_seed=1)
+    env = gym.make(env_id, robot_seed=1, camera=None)
     assert isinstance(env.observation_space, gym.spaces.Dict)
     assert set(env.observation_space.spaces) == entries
     first, _ = env.reset(seed=0)
@@ -72,6 +72,19 @@ def test_no_observation_is_constant(env_id: str, entries: set[str]) -> None:
     env.close()
     for name, value in changed.items():
         assert value.any() if name == "frame" else value.all(), name
+
+
+@pytest.mark.parametrize(
+    ("env_id", "frames"), [(IDS[0], True), (IDS[1], False), (IDS[2], False)], ids=IDS
+)
+def test_frames_are_observed_by_default_only_where_nothing_else_shows_the_object(
+    env_id: str, frames: bool
+) -> None:
+    """As by `gymnasium.make_vec`, which has no camera; a can is seen in frames alone."""
+    env = gym.make(env_id)
+    env.close()
+    assert isinstance(env.observation_space, gym.spaces.Dict)
+    assert ({"frame", "frame_time"} <= set(env.observation_space)) == frames
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -212,6 +225,12 @@ def test_a_bad_option_is_named(options: dict[str, Any], sentence: str) -> None:
         ({"departures": (Elongation("bisceps", 0.1),)}, "unknown muscle 'bisceps'; known: bic"),
         ({"camera": True}, "'elbow' has no camera"),
         ({"render_mode": "ascii"}, "unknown render_mode 'ascii'; known: human"),
+        ({"camera_name": "ear"}, "unknown camera_name 'ear'; known: outside"),
+        ({"dtype": np.float16}, "dtype must be numpy.float64 or numpy.float32, got <class 'num"),
+        ({"dtype": "single?"}, "dtype must be numpy.float64 or numpy.float32, got 'single"),
+        ({"dtype": None}, "dtype must be numpy.float64 or numpy.float32, got None"),
+        ({"width": 0}, "width must be from 1 to 4096, got 0"),
+        ({"height": 4.5}, "height must be a whole number, from 1 to 4096, got 4.5"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render_mode")
@@ -249,7 +268,7 @@ def test_stepping_without_an_episode() -> None:
 
 def test_what_a_user_does_to_observations_and_info_does_not_reach_the_simulation() -> None:
     def run(spoil: bool) -> list[np.ndarray]:
-        env = make("Kengoro/Posture-v0", robot_seed=2)
+        env = make("Kengoro/Posture-v0", robot_seed=2, camera=True)
         observation, info = env.reset(seed=0)
         seen = []
         action = env.action_space.sample() * 0
@@ -265,6 +284,44 @@ def test_what_a_user_does_to_observations_and_info_does_not_reach_the_simulation
 
     for kept, spoilt in zip(run(False), run(True), strict=True):
         assert np.array_equal(kept, spoilt)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("dtype", [np.float32, "float32", np.dtype(np.float32)])
+def test_observations_of_single_precision_are_those_of_double_rounded(
+    env_id: str, dtype: Any
+) -> None:
+    heating = (HeatingMotors(heat=4e-4, seed=1),)
+    single, double = (
+        make(env_id, departures=heating, camera=None, **more) for more in ({"dtype": dtype}, {})
+    )
+    assert isinstance(single.observation_space, gym.spaces.Dict)
+    for name, space in single.observation_space.spaces.items():
+        assert space.dtype == (np.uint8 if name == "frame" else np.float32)
+    found, expected = single.reset(seed=0), double.reset(seed=0)
+    for step in range(6):
+        assert single.observation_space.contains(found[0])
+        for name, value in found[0].items():
+            assert value.dtype == single.observation_space[name].dtype
+            assert np.array_equal(value, expected[0][name].astype(value.dtype))
+        for name, value in expected[-1].items():
+            assert np.array_equal(found[-1][name], value)
+            assert found[-1][name].dtype == value.dtype
+        action = np.full(single.action_space.shape, (-1.0) ** step)
+        found, expected = single.step(action), double.step(action)  # type: ignore[assignment]
+        assert found[1] == expected[1]  # type: ignore[comparison-overlap]
+    single.close()
+    double.close()
+
+
+def test_readings_at_their_bounds_are_within_spaces_of_single_precision() -> None:
+    env = make("Kengoro/Elbow-v0", departures=(Elongation("biceps", 0.5, 0.02),), dtype=np.float32)
+    env.reset(seed=0)
+    for _ in range(3):
+        observation, *_ = env.step(np.zeros(3))
+    space = env.observation_space["lengths"]
+    assert observation["lengths"][0] in (space.low[0], space.high[0])
+    assert env.observation_space.contains(observation)
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e12])
@@ -339,6 +396,41 @@ def test_render_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     env.close()
 
 
+def test_pictures_have_the_size_and_the_camera_that_are_asked_for() -> None:
+    """By the keywords of Gymnasium's MuJoCo environments."""
+    pictures = []
+    for camera_name in ("outside", None, "eye"):
+        options = {"width": 96, "height": 64, "camera_name": camera_name}
+        env = make("Kengoro/Posture-v0", render_mode="rgb_array", **options)
+        env.reset(seed=0)
+        picture = env.render()
+        assert picture is not None
+        assert (picture.shape, picture.dtype) == ((64, 96, 3), np.uint8)
+        assert picture.std() > 5.0
+        pictures.append(picture)
+        env.close()
+    assert np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[0], pictures[2])
+
+
+def test_depths_are_distances_from_the_camera() -> None:
+    """The hand's depth is its distance along the axis of the camera, up to its thickness."""
+    env = make("Kengoro/Elbow-v0", render_mode="depth_array", width=320, height=240)
+    env.reset(seed=0, options={"posture": [1.2]})
+    depths = env.render()
+    assert depths is not None
+    assert (depths.shape, depths.dtype) == ((240, 320), np.float32)
+    camera, model = env.robot.data.camera("outside"), env.robot.model
+    axes, hand = camera.xmat.reshape(3, 3), env.robot.data.site("grip").xpos
+    x, y, z = axes.T @ (hand - camera.xpos)
+    focal = 0.5 * 240 / np.tan(np.radians(model.camera("outside").fovy[0]) / 2)
+    column, row = round(159.5 + focal * x / -z), round(119.5 - focal * y / -z)
+    assert depths[row, column] == pytest.approx(-z, abs=0.06)
+    assert depths.max() == pytest.approx(env._painter.farthest, rel=0.01)
+    assert np.array_equal(depths, env.render())
+    env.close()
+
+
 def test_human_without_a_display_warns_once_and_draws_offscreen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -375,7 +467,7 @@ def test_human_with_a_display_shows_each_step(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_closing_frees_what_draws_for_the_robot_and_for_people() -> None:
-    env = make("Kengoro/Posture-v0", render_mode="rgb_array")
+    env = make("Kengoro/Posture-v0", camera=True, render_mode="rgb_array")
     first, _ = env.reset(seed=0)
     env.render()
     assert env._camera is not None

@@ -16,7 +16,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from kengoro_env.departures.tendons import DryFriction, Elongation
 from kengoro_env.env import KengoroEnv
-from kengoro_env.errors import ArgumentError, KengoroError
+from kengoro_env.errors import ArgumentError, EpisodeError, KengoroError
 from kengoro_env.stepping import choice
 from kengoro_env.stepping.compiled_steps import CompiledSteps
 from kengoro_env.stepping.numpy_steps import NumpySteps
@@ -147,6 +147,57 @@ def test_one_that_diverges_ends_alone(value: float, kind: type) -> None:
     assert np.isfinite(many.step(rest)[1]).all()
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_observations_of_single_precision_are_those_of_single_ones(
+    mode: AutoresetMode, kind: type
+) -> None:
+    options: dict[str, Any] = {"dtype": np.float32, "robot_seed": 3, "max_episode_steps": 3}
+    many: Any = gym.make_vec(ELBOW, 2, autoreset_mode=mode, **options)
+    one_by_one = gym.make_vec(ELBOW, 2, "sync", {"autoreset_mode": mode}, **options)
+    assert many.observation_space == one_by_one.observation_space
+    for mine, theirs in zip(many.reset(seed=3), one_by_one.reset(seed=3), strict=True):
+        assert same(mine, theirs)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        actions = rng.uniform(-1, 1, many.action_space.shape).astype(np.float32)
+        found, expected = many.step(actions), one_by_one.step(actions)
+        assert many.observation_space.contains(found[0])
+        assert found[0]["target"].dtype == np.float32
+        for mine, theirs in zip(found, expected, strict=True):
+            assert same(mine, theirs)
+
+
+@pytest.mark.parametrize("render_mode", ["rgb_array", "depth_array"])
+@pytest.mark.parametrize("more", [{}, {"robot_seed": 3}], ids=["nominal", "3"])
+def test_pictures_are_those_of_single_ones(
+    more: dict[str, Any], render_mode: str, kind: type
+) -> None:
+    options = {"render_mode": render_mode, "width": 80, "height": 60, **more}
+    many: Any = gym.make_vec(ELBOW, 2, max_episode_steps=2, **options)
+    one_by_one = gym.make_vec(ELBOW, 2, "sync", max_episode_steps=2, **options)
+    assert many.render_mode == render_mode
+    assert render_mode in many.metadata["render_modes"]
+    with pytest.raises(EpisodeError, match=r"no episode to render \(none has begun\): call reset"):
+        many.render()
+    many.reset(seed=3)
+    one_by_one.reset(seed=3)
+    actions = np.full(many.action_space.shape, 0.5, dtype=np.float32)
+    for _ in range(4):  # through a truncation
+        pictures, expected = many.render(), one_by_one.render()
+        assert isinstance(pictures, tuple)
+        assert not np.array_equal(*pictures)
+        for mine, theirs in zip(pictures, expected, strict=True):
+            assert same(mine, theirs)
+        for mine, theirs in zip(many.step(actions), one_by_one.step(actions), strict=True):
+            assert same(mine, theirs)
+    many.close()
+    one_by_one.close()
+
+
+def test_without_a_render_mode_there_are_no_pictures() -> None:
+    assert KengoroVectorEnv(2, "elbow").render() is None
+
+
 def test_without_a_seed_no_two_are_alike() -> None:
     many = KengoroVectorEnv(3, "elbow")
     found, _ = many.reset()
@@ -183,7 +234,9 @@ def test_what_they_give_is_in_their_spaces_and_is_the_callers() -> None:
         ({"max_episode_steps": 0}, "max_episode_steps must be 1 or more, got 0"),
         ({"gains": 3.0}, r"gains must be kengoro_env\.Gains, got 3\.0"),
         ({"autoreset_mode": "never"}, "unknown autoreset_mode 'never'; known: NextStep, SameStep"),
-        ({"render_mode": "human"}, 'does not render.*vectorization_mode="sync"'),
+        ({"render_mode": "human"}, 'has no window.*vectorization_mode="sync"'),
+        ({"render_mode": "ascii"}, "unknown render_mode 'ascii'; known: human, rgb_array, depth"),
+        ({"height": 5000}, "height must be from 1 to 4096, got 5000"),
         ({"task": "can_grasp"}, "only the tasks posture and elbow have a vector environment"),
         ({"task": "juggle"}, "unknown task 'juggle'"),
         ({"task": ["elbow"]}, r"unknown task \['elbow'\]"),
@@ -231,7 +284,7 @@ def test_it_takes_all_arguments_of_a_single_one() -> None:
     single = dict(inspect.signature(KengoroEnv).parameters)
     many = inspect.signature(KengoroVectorEnv).parameters
     assert set(single) <= set(many)
-    defaults = {name: p.default for name, p in single.items() if name not in ("task", "camera")}
+    defaults = {name: p.default for name, p in single.items() if name != "task"}
     many_of_them: Any = gym.make_vec(ELBOW, num_envs=2, **defaults)
     assert many_of_them.num_envs == 2
 

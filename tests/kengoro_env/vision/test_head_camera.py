@@ -54,7 +54,7 @@ def test_a_frame_belongs_to_who_asked() -> None:
 
 
 def test_the_environments_frames_are_late_by_the_departures_delay() -> None:
-    env = gym.make("Kengoro/Posture-v0", departures=(FrameDelay(0.1),)).unwrapped
+    env = gym.make("Kengoro/Posture-v0", departures=(FrameDelay(0.1),), camera=True).unwrapped
     assert isinstance(env, KengoroEnv)
     observation, _ = env.reset(seed=0)
     action = env.lengths_to_action(env.robot.target)

@@ -28,7 +28,7 @@ def test_rays_are_those_of_opencv(coefficients: tuple[float, ...]) -> None:
 
 def frame(*departures: Any, **options: Any) -> tuple[np.ndarray, float]:
     """First frame of an episode, and the camera's focal length [px]."""
-    env = gym.make("Kengoro/CanGrasp-v0", departures=departures, **options)
+    env = gym.make("Kengoro/CanGrasp-v0", departures=departures, camera=True, **options)
     observation, _ = env.reset(seed=3)
     assert isinstance(env.unwrapped, KengoroEnv)
     fovy = float(env.unwrapped.robot.model.camera("eye").fovy[0])
@@ -79,7 +79,10 @@ def test_stamps_are_late_uneven_and_of_another_clock(period: float) -> None:
     for wrong in (False, True):
         error = FrameTimeError(offset=0.03, jitter=0.004, drift=0.01, seed=1)
         env = gym.make(
-            "Kengoro/Posture-v0", departures=(error,) if wrong else (), control_period=period
+            "Kengoro/Posture-v0",
+            departures=(error,) if wrong else (),
+            camera=True,
+            control_period=period,
         )
         observation, _ = env.reset(seed=0)
         stamps[wrong] = []
