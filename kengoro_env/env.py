@@ -18,6 +18,7 @@ from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, Unkno
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.own_model import Model, OwnModel
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LATEST, box, checked_action, length_bounds
 from kengoro_env.stepping.choice import steps_of_one
@@ -27,6 +28,7 @@ from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.options import checked_options, finite
 from kengoro_env.tasks.posture import posture_task
+from kengoro_env.tasks.reach import Reach
 from kengoro_env.tasks.task import Task
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
@@ -87,6 +89,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: None, "rgb_array" or "human".
         gains: gains of muscle stiffness control after each reset.
         control_period: simulated time of a step, from 0.001 to 0.1 [s].
+        model: model of the robot in place of the nominal one, with its own gains, such as a sample
+            of `reality_gap.Diagnosis`; it has no pictures (Posture and Elbow).
 
     Attributes:
         robot: the simulated robot.
@@ -110,6 +114,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
         control_period: float = CONTROL_PERIOD,
+        model: Model | None = None,
     ) -> None:
         if not isinstance(task, str) or task not in TASKS:
             raise UnknownNameError("task", task, TASKS)
@@ -119,9 +124,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise ArgumentError(f"gains must be kengoro_env.Gains, got {gains!r}")
         self.task = TASKS[task]()
         scene = asset_path(self.task.scene)
-        self.robot = robot = Robot(
-            scene, chosen_departures(robot_seed, departures), gains, control_period
-        )
+        chosen = chosen_departures(robot_seed, departures)
+        if model is not None:
+            given = robot_seed is not None or departures is not None
+            chosen, camera = own_model(model, self.task, given, gains, camera), False
+        self._has_own_model = model is not None
+        self.robot = robot = Robot(scene, chosen, gains, control_period)
         self.metadata = {**METADATA, "render_fps": round(1 / control_period)}
         self.muscles, self.joints = robot.muscles, robot.joints
         self.render_mode = render_mode
@@ -328,11 +336,44 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here without a window."""
-        return {**self.__dict__, "_window": None, "_steps": None}
+        state = {**self.__dict__, "_window": None, "_steps": None}
+        return {**state, "spec": None} if self._has_own_model else state  # a MjSpec has no copy
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._steps = steps_of_one(self.robot, self.bounds, self._entries, self._tracked)
+
+
+def own_model(
+    model: Model,
+    task: Task,
+    others: bool = False,
+    gains: Gains = DEFAULT_GAINS,
+    camera: bool | None = None,
+    name: str = "model",
+) -> tuple[Departure, ...]:
+    """The departure that replaces the nominal model.
+
+    Args:
+        model: the model.
+        task: the task.
+        others: whether a robot seed or departures are given as well.
+        gains: gains that were given.
+        camera: whether frames are to be observed.
+        name: of the model in messages.
+
+    Raises:
+        ArgumentError: the model does not fit the task or the other arguments.
+    """
+    if others:
+        raise ArgumentError("give a model, or robot_seed or departures, not both")
+    if gains != DEFAULT_GAINS:
+        raise ArgumentError("a model has its own gains: leave gains out")
+    if camera:
+        raise ArgumentError("a model has no pictures: leave camera out or False")
+    if not isinstance(task, Reach):
+        raise ArgumentError("only the tasks posture and elbow take a model")
+    return (OwnModel(model, asset_path(task.scene), name),)
 
 
 def _fix_types(info: dict[str, Any]) -> None:

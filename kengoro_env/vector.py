@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from kengoro_env.arguments import (
     seeds_of_many,
     whole,
 )
-from kengoro_env.env import METADATA, KengoroEnv
+from kengoro_env.env import METADATA, TASKS, KengoroEnv, own_model
 from kengoro_env.errors import (
     ArgumentError,
     DivergedError,
@@ -30,6 +31,7 @@ from kengoro_env.errors import (
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.own_model import Model
 from kengoro_env.spaces import check_actions
 from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import Report
@@ -69,6 +71,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             or its value: by the next step; by the same step, which then returns the last
             observation and info as ``final_obs`` and ``final_info`` in the infos; or by the user,
             with ``reset_mask``.
+        model: a model for all environments; see `KengoroEnv`.
+        models: a model for each environment in place of one robot, such as the samples of
+            `reality_gap.Diagnosis`.
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -95,21 +100,24 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         threads: int = 0,
         control_period: float = CONTROL_PERIOD,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        model: Model | None = None,
+        models: Sequence[Model] | None = None,
     ) -> None:
         _refuse_pictures(camera, render_mode)
         num_envs = whole("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
+        self._has_own_models = model is not None or models is not None
         self._threads = whole("threads", threads, 0, MOST_THREADS)
         self._autoreset = _autoreset_mode(autoreset_mode)
-        self._env = KengoroEnv(
-            task,
-            robot_seed,
-            departures,
-            camera=False,
-            gains=gains,
-            control_period=control_period,
-        )
+        make = partial(KengoroEnv, task, camera=False, gains=gains, control_period=control_period)
+        if models is None:
+            self._env = make(robot_seed=robot_seed, departures=departures, model=model)
+            self._envs = [self._env]
+        else:
+            given = any(other is not None for other in (robot_seed, departures, model))
+            self._envs = _envs_of(make, task, models, num_envs, given, gains)
+            self._env = self._envs[0]
         frames = self._env.metadata["render_fps"]
         self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
         if not isinstance(self._env.task, Reach):
@@ -135,13 +143,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._ended = np.ones(num_envs, dtype=bool)
 
     def _new_fleet(self) -> Steps:
-        env = self._env
-        return steps_of_many(env.robot, env.bounds, self.num_envs, self._threads)
+        robots = [env.robot for env in self._envs]
+        return steps_of_many(robots, self._env.bounds, self.num_envs, self._threads)
 
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here; `fleet` is made again from its robots."""
         states = [self.fleet.state(i) for i in range(self.num_envs)] if self._tasks else []
-        return {**self.__dict__, "fleet": states}
+        state = {**self.__dict__, "fleet": states}
+        return {**state, "spec": None} if self._has_own_models else state  # a MjSpec has no copy
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         states = state["fleet"]
@@ -178,7 +187,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         return self._results(which)
 
     def _begin(self, i: int, seed: int | None, options: dict[str, Any]) -> None:
-        env = self._env
+        env = self._envs[i % len(self._envs)]
         random = self._randoms[i]
         if random is not None:
             env.np_random = random
@@ -192,8 +201,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 for first in (observation, info)
             )
             self._tasks = [self._task] * self.num_envs
-        self._tasks[i] = copy(self._task)
-        self._until[i] = self._task.until
+        assert isinstance(env.task, Reach)
+        self._tasks[i] = copy(env.task)
+        self._until[i] = env.task.until
         self.fleet.restore(i, env.robot.state())
         self._steps[i], self._ended[i] = 0, False
         _write(self._observed, i, observation)
@@ -301,8 +311,38 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environment that resets happen in, if the arguments were valid."""
-        if hasattr(self, "_env"):
-            self._env.close()
+        for env in getattr(self, "_envs", ()):
+            env.close()
+
+
+def _envs_of(
+    make: Callable[..., KengoroEnv],
+    task: str,
+    models: object,
+    count: int,
+    others: bool,
+    gains: Gains,
+) -> list[KengoroEnv]:
+    """An environment for each model.
+
+    Raises:
+        KengoroError: there is another number of models, or one does not fit.
+    """
+    if not isinstance(models, Sequence) or isinstance(models, str | bytes):
+        raise ArgumentError(f"models must be a list of {count} models, got {models!r}")
+    if len(models) != count:
+        raise ArgumentError(
+            f"models must have one model for each of {count} environments, it has {len(models)}"
+        )
+    if others:
+        raise ArgumentError("give models, or robot_seed, departures or a model, not both")
+    if task not in TASKS:
+        raise UnknownNameError("task", task, TASKS)
+    chosen = [
+        own_model(model, TASKS[task](), gains=gains, name=f"models[{i}]")
+        for i, model in enumerate(models)
+    ]
+    return [make(departures=departures) for departures in chosen]
 
 
 def _autoreset_mode(mode: object) -> AutoresetMode:
