@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import partial
 from typing import Any
@@ -111,13 +111,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._threads = whole("threads", threads, 0, MOST_THREADS)
         self._autoreset = _autoreset_mode(autoreset_mode)
         make = partial(KengoroEnv, task, camera=False, gains=gains, control_period=control_period)
-        if models is None:
-            self._env = make(robot_seed=robot_seed, departures=departures, model=model)
-            self._envs = [self._env]
-        else:
-            given = any(other is not None for other in (robot_seed, departures, model))
-            self._envs = _envs_of(make, task, models, num_envs, given, gains)
-            self._env = self._envs[0]
+        robot = {"robot_seed": robot_seed, "departures": departures, "model": model}
+        self._envs = _envs_of(make, robot, models, num_envs)
+        self._env = self._envs[0]
         frames = self._env.metadata["render_fps"]
         self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
         if not isinstance(self._env.task, Reach):
@@ -316,26 +312,30 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
 
 def _envs_of(
-    make: Callable[..., KengoroEnv],
-    task: str,
-    models: object,
-    count: int,
-    others: bool,
-    gains: Gains,
+    make: partial[KengoroEnv], robot: Mapping[str, Any], models: object, count: int
 ) -> list[KengoroEnv]:
-    """An environment for each model.
+    """An environment for each model; one if there are no models.
+
+    Args:
+        make: makes an environment.
+        robot: arguments of the robot that all environments have.
+        models: the models; None: none.
+        count: number of environments.
 
     Raises:
         KengoroError: there is another number of models, or one does not fit.
     """
+    if models is None:
+        return [make(**robot)]
     if not isinstance(models, Sequence) or isinstance(models, str | bytes):
         raise ArgumentError(f"models must be a list of {count} models, got {models!r}")
     if len(models) != count:
         raise ArgumentError(
             f"models must have one model for each of {count} environments, it has {len(models)}"
         )
-    if others:
+    if any(value is not None for value in robot.values()):
         raise ArgumentError("give models, or robot_seed, departures or a model, not both")
+    (task,), gains = make.args, make.keywords["gains"]
     if task not in TASKS:
         raise UnknownNameError("task", task, TASKS)
     chosen = [

@@ -360,7 +360,7 @@ def test_the_command_writes_models_that_can_be_loaded(
     assert main(arguments) == 2  # nothing is overwritten
 
 
-def test_a_diagnosis_without_posterior_says_so(
+def test_a_folder_without_posterior_is_refused(
     diagnosed: Make, lever_study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("reality_gap.report.files.write_report", lambda *_: None)
