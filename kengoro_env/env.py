@@ -19,6 +19,7 @@ from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, Unkno
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.own_model import Model, OwnModel
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import (
     LATEST,
@@ -35,6 +36,7 @@ from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.options import checked_options, finite
 from kengoro_env.tasks.posture import posture_task
+from kengoro_env.tasks.reach import Reach
 from kengoro_env.tasks.task import Task
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
@@ -106,6 +108,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             without the errors of its lens; None: "outside".
         dtype: of the numbers in observations, `numpy.float64` or `numpy.float32`; ``info`` is
             float64.
+        model: model of the robot in place of the nominal one, with its own gains, such as a sample
+            of `reality_gap.Diagnosis`; it has no frames (Posture and Elbow).
 
     Attributes:
         robot: the simulated robot.
@@ -133,21 +137,25 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         height: int = HEIGHT,
         camera_name: str | None = None,
         dtype: DTypeLike = np.float64,
+        model: Model | None = None,
     ) -> None:
         _check_names(task, render_mode)
         if not isinstance(gains, Gains):
             raise ArgumentError(f"gains must be kengoro_env.Gains, got {gains!r}")
         self.task = TASKS[task]()
         scene = asset_path(self.task.scene)
-        self.robot = robot = Robot(
-            scene, chosen_departures(robot_seed, departures), gains, control_period
-        )
+        chosen = chosen_departures(robot_seed, departures)
+        if model is not None:
+            given = robot_seed is not None or departures is not None
+            chosen, camera = own_model(model, self.task, given, gains, camera), False
+        self._has_own_model = model is not None
+        self.robot = robot = Robot(scene, chosen, gains, control_period)
         self.metadata = {**METADATA, "render_fps": round(1 / control_period)}
         self.muscles, self.joints = robot.muscles, robot.joints
         self.render_mode = render_mode
         size = (whole("width", width, 1, MOST_PIXELS), whole("height", height, 1, MOST_PIXELS))
         self._painter = Painter(robot.model, *size)
-        self._view = _camera_name(robot.model, camera_name)
+        self._view = _camera_name(robot.model, camera_name, render_mode)
         self._window: Any = None
         self._camera = None
         if camera and not self.task.has_camera:
@@ -368,7 +376,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here without a window."""
-        return {**self.__dict__, "_window": None, "_steps": None}
+        state = {**self.__dict__, "_window": None, "_steps": None}
+        return {**state, "spec": None} if self._has_own_model else state  # a MjSpec has no copy
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -383,14 +392,57 @@ def _check_names(task: object, render_mode: object) -> None:
         raise UnknownNameError("render_mode", render_mode, modes)
 
 
-def _camera_name(model: mujoco.MjModel, name: object) -> str:
-    """A camera's name, if the model has it."""
-    if name is None:
-        return OUTSIDE
+def _camera_name(model: mujoco.MjModel, name: object, render_mode: str | None) -> str:
+    """A camera's name, if the model has it or nothing is rendered."""
     known = [model.camera(i).name for i in range(model.ncam)]
+    seen = (model.geom_group < 3) & (model.geom_rgba[:, 3] > 0.0)
+    if render_mode is not None and not seen.any():
+        raise ArgumentError(
+            "nothing of the model is rendered, for no geom in the groups 0 to 2 is visible: leave "
+            "render_mode out"
+        )
+    if name is None:
+        if render_mode is not None and OUTSIDE not in known:
+            raise ArgumentError(
+                f"the model has no camera {OUTSIDE!r}: leave render_mode out, or give camera_name "
+                f"one of its cameras ({', '.join(known) or 'it has none'})"
+            )
+        return OUTSIDE
     if name not in known:
         raise UnknownNameError("camera_name", name, known)
     return str(name)
+
+
+def own_model(
+    model: Model,
+    task: Task,
+    others: bool = False,
+    gains: Gains = DEFAULT_GAINS,
+    camera: bool | None = None,
+    name: str = "model",
+) -> tuple[Departure, ...]:
+    """The departure that replaces the nominal model.
+
+    Args:
+        model: the model.
+        task: the task.
+        others: whether a robot seed or departures are given as well.
+        gains: gains that were given.
+        camera: whether frames are to be observed.
+        name: of the model in messages.
+
+    Raises:
+        ArgumentError: the model does not fit the task or the other arguments.
+    """
+    if others:
+        raise ArgumentError("give a model, or robot_seed or departures, not both")
+    if gains != DEFAULT_GAINS:
+        raise ArgumentError("a model has its own gains: leave gains out")
+    if camera:
+        raise ArgumentError("a model has no pictures: leave camera out or False")
+    if not isinstance(task, Reach):
+        raise ArgumentError("only the tasks posture and elbow take a model")
+    return (OwnModel(model, asset_path(task.scene), name),)
 
 
 def _fix_types(info: dict[str, Any]) -> None:

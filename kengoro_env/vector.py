@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from kengoro_env.arguments import (
     seeds_of_many,
     whole,
 )
-from kengoro_env.env import METADATA, KengoroEnv
+from kengoro_env.env import METADATA, TASKS, KengoroEnv, own_model
 from kengoro_env.errors import (
     ArgumentError,
     DivergedError,
@@ -31,6 +32,7 @@ from kengoro_env.errors import (
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.own_model import Model
 from kengoro_env.spaces import check_actions, checked_dtype, in_dtype
 from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import Report
@@ -76,6 +78,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         height: height of the images of `render` [pixels].
         camera_name: camera of the model that `render` uses, "outside" or "eye"; None: "outside".
         dtype: of the numbers in observations, `numpy.float64` or `numpy.float32`.
+        model: a model for all environments; see `KengoroEnv`.
+        models: a model for each environment in place of one robot, such as the samples of
+            `reality_gap.Diagnosis`.
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -106,25 +111,23 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         height: int = HEIGHT,
         camera_name: str | None = None,
         dtype: DTypeLike = np.float64,
+        model: Model | None = None,
+        models: Sequence[Model] | None = None,
     ) -> None:
         _refuse_camera_and_window(camera, render_mode)
         num_envs = whole("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
+        self._has_own_models = model is not None or models is not None
         self._threads = whole("threads", threads, 0, MOST_THREADS)
         self._autoreset = _autoreset_mode(autoreset_mode)
-        self._env = KengoroEnv(
-            task,
-            robot_seed,
-            departures,
-            camera=False,
-            render_mode=render_mode,
-            gains=gains,
-            control_period=control_period,
-            width=width,
-            height=height,
-            camera_name=camera_name,
-        )
+        make = partial(
+            KengoroEnv, task, camera=False, render_mode=render_mode, gains=gains,
+            control_period=control_period, width=width, height=height, camera_name=camera_name,
+        )  # fmt: skip
+        robot = {"robot_seed": robot_seed, "departures": departures, "model": model}
+        self._envs = _envs_of(make, robot, models, num_envs)
+        self._env = self._envs[0]
         self.render_mode = render_mode
         frames = self._env.metadata["render_fps"]
         self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
@@ -151,13 +154,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
 
     def _new_fleet(self) -> Steps:
-        env = self._env
-        return steps_of_many(env.robot, env.bounds, self.num_envs, self._threads)
+        robots = [env.robot for env in self._envs]
+        return steps_of_many(robots, self._env.bounds, self.num_envs, self._threads)
 
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here; `fleet` is made again from its robots."""
         states = [self.fleet.state(i) for i in range(self.num_envs)] if self._tasks else []
-        return {**self.__dict__, "fleet": states}
+        state = {**self.__dict__, "fleet": states}
+        return {**state, "spec": None} if self._has_own_models else state  # a MjSpec has no copy
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         states = state["fleet"]
@@ -194,7 +198,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         return self._results(which)
 
     def _begin(self, i: int, seed: int | None, options: dict[str, Any]) -> None:
-        env = self._env
+        env = self._envs[i % len(self._envs)]
         random = self._randoms[i]
         if random is not None:
             env.np_random = random
@@ -208,8 +212,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 for first in (observation, info)
             )
             self._tasks = [self._task] * self.num_envs
-        self._tasks[i] = copy(self._task)
-        self._until[i] = self._task.until
+        assert isinstance(env.task, Reach)
+        self._tasks[i] = copy(env.task)
+        self._until[i] = env.task.until
         self.fleet.restore(i, env.robot.state())
         self._steps[i], self._ended[i] = 0, False
         _write(self._observed, i, observation)
@@ -329,16 +334,51 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             raise EpisodeError("there is no episode to render (none has begun): call reset")
         images = []
         for i in range(self.num_envs):
-            self._env.robot.restore(self.fleet.state(i))
-            image = self._env.render()
+            env = self._envs[i % len(self._envs)]
+            env.robot.restore(self.fleet.state(i))
+            image = env.render()
             assert image is not None  # there is no window
             images.append(image)
         return tuple(images)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environment that resets happen in, if the arguments were valid."""
-        if hasattr(self, "_env"):
-            self._env.close()
+        for env in getattr(self, "_envs", ()):
+            env.close()
+
+
+def _envs_of(
+    make: partial[KengoroEnv], robot: Mapping[str, Any], models: object, count: int
+) -> list[KengoroEnv]:
+    """An environment for each model; one if there are no models.
+
+    Args:
+        make: makes an environment.
+        robot: arguments of the robot that all environments have.
+        models: the models; None: none.
+        count: number of environments.
+
+    Raises:
+        KengoroError: there is another number of models, or one does not fit.
+    """
+    if models is None:
+        return [make(**robot)]
+    if not isinstance(models, Sequence) or isinstance(models, str | bytes):
+        raise ArgumentError(f"models must be a list of {count} models, got {models!r}")
+    if len(models) != count:
+        raise ArgumentError(
+            f"models must have one model for each of {count} environments, it has {len(models)}"
+        )
+    if any(value is not None for value in robot.values()):
+        raise ArgumentError("give models, or robot_seed, departures or a model, not both")
+    (task,), gains = make.args, make.keywords["gains"]
+    if task not in TASKS:
+        raise UnknownNameError("task", task, TASKS)
+    chosen = [
+        own_model(model, TASKS[task](), gains=gains, name=f"models[{i}]")
+        for i, model in enumerate(models)
+    ]
+    return [make(departures=departures) for departures in chosen]
 
 
 def _autoreset_mode(mode: object) -> AutoresetMode:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 SCRIPT, DISTRIBUTION = "reality-gap", "kengoro"
 DESCRIPTION = """Find out from logs what a MuJoCo model of a machine gets wrong.
 
-All at once: run. The usual order is: init, check, diagnose. --version prints the version.
+All at once: run. The usual order is: init, check, diagnose, sample. --version prints the
+version.
 """
 
 
@@ -66,6 +67,20 @@ class Unpack:
 
 
 @dataclass(frozen=True)
+class Sample:
+    """Write models of what the machine may be, sampled from what a diagnosis leaves open."""
+
+    diagnosis: tyro.conf.Positional[Path]
+    """Folder of a diagnosis."""
+    out: Path
+    """Folder to create; each model gets a folder in it, with extended.xml and extended.json."""
+    count: int = 16
+    """Number of models."""
+    seed: int = 0
+    """The same seed gives the same models."""
+
+
+@dataclass(frozen=True)
 class Causes:
     """List the causes that a diagnosis considers, with their parameters."""
 
@@ -76,6 +91,7 @@ Command = (
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Unpack, tyro.conf.subcommand("unpack")]
+    | Annotated[Sample, tyro.conf.subcommand("sample")]
     | Annotated[Causes, tyro.conf.subcommand("causes")]
 )
 
@@ -186,6 +202,18 @@ def unpack(command: Unpack, console: Console) -> None:
     _print(console, f"next: {_program()} init MODEL {command.out}/*.csv")
 
 
+def sample(command: Sample, console: Console) -> None:
+    """Write models from the posterior of a diagnosis."""
+    from reality_gap.report.files import write_samples
+    from reality_gap.report.posterior_file import load_posterior
+    from reality_gap.simulation.episode import silence
+
+    silence()
+    posterior = load_posterior(command.diagnosis)
+    folders = write_samples(posterior, command.count, command.seed, command.out)
+    _print(console, f"wrote {folders[0]} to {folders[-1].name}, each with extended.xml")
+
+
 def causes(console: Console) -> None:
     """Print the catalogue of causes."""
     from reality_gap.report.catalogue import describe_catalogue
@@ -237,6 +265,8 @@ def _run(command: Command, console: Console) -> None:
             run(command, console)
         case Unpack():
             unpack(command, console)
+        case Sample():
+            sample(command, console)
         case Causes():
             causes(console)
 

@@ -10,10 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location
+from reality_gap.errors import StudyError
+from reality_gap.extended import Extended
 from reality_gap.log_findings import Estimate as Estimate
 from reality_gap.log_findings import FlatDirection, LogComparison
+from reality_gap.posterior import Posterior
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.types import Floats
+
+NO_POSTERIOR = (
+    "the gap is unexplained, so that no samples of the model would be like the machine; train on "
+    "the model itself with ranges of your own, or name the gap first, such as with another motion"
+)
+"""Why an unexplained gap has no samples."""
 
 
 class Verdict(Enum):
@@ -267,6 +276,8 @@ class Diagnosis:
         unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
         likelihood_gain: gain in log likelihood of held-out readings by the named causes together,
             given the tolerances, by cross-validation [nats]; None if no single causes are named.
+        posterior: what the data leave open, of which `sample` returns models; None if the
+            verdict is "unexplained".
     """
 
     study: str
@@ -294,3 +305,24 @@ class Diagnosis:
     waterfall: tuple[Share, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     flat: tuple[FlatDirection, ...] = ()
+    posterior: Posterior | None = None
+
+    def sample(self, n: int, seed: int = 0) -> list[Extended]:
+        """Sample models of what the machine may be, such as for the training of a policy.
+
+        Named causes have values from their joint Gaussian within their bounds, and causes that the
+        data cannot distinguish replace each other with their probabilities. If the verdict is
+        "nothing_wrong", each parameter deviates from the model within its tolerance. The part of a
+        gap that a diagnosis does not name is in no sample.
+
+        Args:
+            n: number of samples, from 1; the first of ``n + 1`` samples are those of ``n``.
+            seed: of the samples; the same seed gives the same models.
+
+        Raises:
+            StudyError: the verdict is "unexplained", a number is out of its range, or there is no
+                file of the study's model any more.
+        """
+        if self.posterior is None:
+            raise StudyError(NO_POSTERIOR)
+        return self.posterior.sample(n, seed)

@@ -16,7 +16,7 @@ import numpy as np
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Diagnosis
+from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import TimeLimitError
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
@@ -29,6 +29,7 @@ from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.log_candidates import in_each_log
 from reality_gap.inference.outcome import Outcome, groups_outcome
 from reality_gap.inference.paying import Paying
+from reality_gap.inference.posteriors import tolerance_branch
 from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.rough_search import search_roughly
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
@@ -40,6 +41,7 @@ from reality_gap.inference.tolerances import (
 )
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, revise_and_evaluate
+from reality_gap.posterior import Posterior
 from reality_gap.report.sentence import sentence
 from reality_gap.simulation.hypothesis import Candidate, build, has_effects
 from reality_gap.simulation.replayer import Replayer
@@ -173,6 +175,9 @@ class _Run:
             return groups_outcome(replayer, null, groups, options.left)
         self.progress(0.92, "comparing alternatives and choosing the next experiment")
         outcome = search_outcome(paying, remainder, screened.not_judged, options)
+        if outcome.verdict is Verdict.NOTHING_WRONG:
+            tolerances = list_tolerances(screened.sensitivities, options.tolerance)
+            outcome = replace(outcome, branches=(tolerance_branch(list(tolerances)),))
         if not options.suggest:
             return outcome
         problem = paying.result.problem
@@ -283,4 +288,5 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         waterfall=outcome.waterfall,
         rejected=outcome.rejected,
         flat=outcome.flat,
+        posterior=Posterior(system, replayer.usual, outcome.branches) if outcome.branches else None,
     )

@@ -14,6 +14,7 @@ import mujoco
 from kengoro_env.errors import UnknownNameError
 from kengoro_env.robot.model_file import is_muscle
 from kengoro_env.robot.motor_heat import HeatSpec
+from kengoro_env.robot.muscle_law import Gains
 
 
 @dataclass
@@ -107,6 +108,8 @@ class Draft:
         sensor_errors: errors of encoders, tension sensors, camera timing and zero posture.
         events: elongations during an episode.
         heat: motors that heat; None: they stay cold.
+        own_gains: gains of each muscle, with arrays (m,) as values, if the model has its own
+            actuators; None: actuators are added to it.
     """
 
     spec: mujoco.MjSpec
@@ -114,6 +117,7 @@ class Draft:
     sensor_errors: SensorErrors = field(default_factory=SensorErrors)
     events: list[Event] = field(default_factory=list)
     heat: HeatSpec | None = None
+    own_gains: Gains | None = None
 
     @classmethod
     def of(cls, spec: mujoco.MjSpec) -> Draft:

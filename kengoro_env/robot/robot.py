@@ -75,8 +75,11 @@ class Robot(Body):
         draft = Draft.of(load_spec(scene, folders))
         for departure in departures:
             departure.edit(draft)
-        wind(draft, gains.damping)
-        add_fingers(draft.spec)
+        if draft.own_gains is None:
+            wind(draft, gains.damping)
+            add_fingers(draft.spec)
+        else:
+            gains = draft.own_gains
         self._substeps = set_time_step(draft.spec, control_period)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
+from kengoro_env.errors import ArgumentError
 from kengoro_env.robot.robot import Robot
 from kengoro_env.robot.robot_batch import RobotBatch
 from kengoro_env.spaces import LengthBounds
@@ -39,20 +40,33 @@ def steps_of_one(
     return CompiledSteps(compiled, [robot], bounds, entries, tracked)
 
 
-def steps_of_many(robot: Robot, bounds: LengthBounds, count: int, threads: int) -> Steps:
-    """Control steps of ``count`` copies of ``robot``, whose states `restore` sets.
+def steps_of_many(
+    templates: Sequence[Robot], bounds: LengthBounds, count: int, threads: int
+) -> Steps:
+    """Control steps of ``count`` copies of a robot, or of one each, whose states `restore` sets.
 
     Args:
-        robot: the template.
+        templates: one robot, or ``count`` with the same muscles and joints.
         bounds: bounds of the lengths, for actions and observations.
         count: number of copies.
         threads: number of threads, at most `MOST_THREADS`; 0: as many as pay, at most one per core.
+
+    Raises:
+        ArgumentError: there are several robots, and no compiled code to step them.
     """
-    compiled = library()
+    compiled, robot = library(), templates[0]
     if compiled is None:
+        if len(templates) > 1:
+            raise ArgumentError(
+                "models for each environment need a C compiler: ask for "
+                'vectorization_mode="sync", which makes single environments'
+            )
         return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
     threads = threads or threads_for(robot, count)
-    robots = copies(robot, count)
+    if len(templates) == 1:
+        robots = copies(robot, count)
+    else:
+        robots = [copies(each, 1)[0] for each in templates]
     return CompiledSteps(compiled, robots, bounds, robot.muscles, single=False, threads=threads)
 
 

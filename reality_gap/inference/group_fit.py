@@ -47,6 +47,7 @@ class GroupFit:
         causes: one cause for each group, the most certain first.
         fitted_candidates: all candidates of all groups with their values.
         hypothesis: all candidates with their values.
+        covariance: of the parameters of all candidates as theta, shape (p, p).
         residual: residual of a replay of the whole log in units of sensor noise, shape (n,).
         power: mean square of the residual on the report split.
         moments: number of moments of rest.
@@ -55,6 +56,7 @@ class GroupFit:
     causes: tuple[NamedCause, ...]
     fitted_candidates: tuple[FittedCandidate, ...]
     hypothesis: list[Part]
+    covariance: Floats
     residual: Floats
     power: float
     moments: int
@@ -117,6 +119,7 @@ def fit_groups(
         causes=tuple(sorted(named, key=lambda cause: -cause.confidence)),
         fitted_candidates=_fitted_candidates(groups, found, evidence),
         hypothesis=found.hypothesis,
+        covariance=found.covariance,
         residual=residual,
         power=after,
         moments=len(moments),

@@ -12,8 +12,9 @@ import numpy as np
 
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.gauss_newton import Fit, Objective, Point
+from reality_gap.inference.posteriors import joint_covariance
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.theta import free_parameters, prior_weights, with_theta
+from reality_gap.inference.theta import free_parameters, with_theta
 from reality_gap.types import Floats
 
 DROP = 1.92
@@ -35,7 +36,7 @@ def intervals(problem: Problem, best: Fit) -> list[dict[str, Estimate]]:
 
 def _ends(problem: Problem, best: Fit) -> Floats:
     """Return both ends of the interval of theta, shape (p, 2)."""
-    covariance = _covariance(problem, best)
+    covariance = joint_covariance(problem, best)
     deviation = np.sqrt(np.diag(covariance))
     ends = np.empty((len(deviation), 2))
     trials = []
@@ -54,10 +55,3 @@ def _ends(problem: Problem, best: Fit) -> Floats:
         stretch = np.clip(np.sqrt(DROP / fall), 0.3, 3.0) if usable else 3.0
         ends[j, side] = best.theta[j] + stretch * (theta[j] - best.theta[j])
     return ends
-
-
-def _covariance(problem: Problem, best: Fit) -> Floats:
-    """Return the covariance of theta in the linearised fit, shape (p, p)."""
-    weights, columns = prior_weights(best.hypothesis), problem.noise_model.whiten(best.jacobian)
-    information = columns.T @ columns + np.diag(weights**2) + 1e-12 * np.eye(len(weights))
-    return np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -23,6 +23,7 @@ from reality_gap.inference.remainder import dependences
 from reality_gap.inference.verdict import ABOVE
 from reality_gap.inference.waterfall import shares
 from reality_gap.log_findings import FlatDirection
+from reality_gap.posterior import Branch
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
@@ -41,6 +42,7 @@ class Outcome:
         hypothesis: the named causes with their values; empty if none is named.
         residual: residual of the model with these causes in units of noise, shape (n,).
         score: comparison of the model with and without these causes.
+        branches: what the data leave open; see `reality_gap.posterior`.
         objection: why the best causes are not named, or not all that is wrong, as the end of a
             sentence.
     """
@@ -65,6 +67,7 @@ class Outcome:
     waterfall: tuple[Share, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     flat: tuple[FlatDirection, ...] = ()
+    branches: tuple[Branch, ...] = ()
 
 
 def groups_outcome(
@@ -98,4 +101,5 @@ def groups_outcome(
         objection=None if noises.met else noises.objection,
         criteria=(noises,),
         waterfall=shares([TOGETHER], [scored.before, scored.after], scored.floor),
+        branches=(Branch(groups.hypothesis, groups.covariance),),
     )

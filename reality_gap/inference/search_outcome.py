@@ -26,6 +26,7 @@ from reality_gap.inference.log_values import compare_logs
 from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
+from reality_gap.inference.posteriors import search_branches
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder, channel_power
 from reality_gap.inference.verdict import Options, decide, judge
@@ -91,6 +92,7 @@ def search_outcome(
         criteria=(*_search_criteria(result), *held_out_criteria(paying), *judged),
         waterfall=steps,
         rejected=_rejected(paying, judged, named),
+        branches=search_branches(problem, best, found) if named else (),
     )
 
 

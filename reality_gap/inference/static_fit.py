@@ -73,12 +73,14 @@ class StaticFit:
     Attributes:
         hypothesis: candidates with their values.
         deviation: standard deviation of each parameter in SI units, by candidate.
+        covariance: joint covariance of theta, shape (p, p).
         qpos: positions of the joints at the moments of rest, shape (k, nq).
         cost: cost before each step and after the last.
     """
 
     hypothesis: list[Part]
     deviation: list[dict[str, float]]
+    covariance: Floats
     qpos: Floats
     cost: tuple[float, ...]
 
@@ -243,11 +245,13 @@ def fit_at_rest(
             break
     costs.append(objective.cost(point, objective.residual(point)))
     assert normal is not None
-    spread = np.sqrt(np.diag(np.linalg.inv(normal.reduced(0.0)[0])))
+    covariance = np.asarray(np.linalg.inv(normal.reduced(0.0)[0]), dtype=np.float64)
+    spread = np.sqrt(np.diag(covariance))
     deviation: list[dict[str, float]] = [{} for _ in start]
     for (i, p), size in zip(free_parameters(start), spread, strict=True):
         deviation[i][p.name] = float(size * abs(p.scale))
-    return StaticFit(objective.parts(point.theta), deviation, point.qpos, tuple(costs))
+    found = objective.parts(point.theta)
+    return StaticFit(found, deviation, covariance, point.qpos, tuple(costs))
 
 
 def _step(

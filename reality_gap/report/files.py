@@ -14,7 +14,8 @@ from mjcf_sandbox.errors import OutputError
 from mjcf_sandbox.files import check_links
 from reality_gap.diagnosis import Diagnosis, Experiment
 from reality_gap.errors import StudyError
-from reality_gap.report import extended_model, model_assets
+from reality_gap.posterior import Posterior
+from reality_gap.report import extended_model, model_assets, posterior_file
 from reality_gap.report.html import write_report
 from reality_gap.report.verdict_json import verdict_json
 from reality_gap.study.data import Study
@@ -26,6 +27,8 @@ WRITTEN = {
     EXPERIMENT,
     extended_model.XML,
     extended_model.JSON,
+    posterior_file.JSON,
+    posterior_file.MODEL,
     model_assets.FOLDER,
 }
 """Names that a diagnosis may write; a folder with other names is not overwritten."""
@@ -62,8 +65,9 @@ def check_out(out: Path) -> None:
 def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None:
     """Write verdict.json, extended.xml, extended.json, report.html and next_experiment.csv.
 
-    An earlier diagnosis in ``out`` is replaced when the new one is complete. Without a next
-    experiment there is no next_experiment.csv.
+    Unless the gap is unexplained, posterior.json and nominal.xml are written, too; see
+    `load_posterior`. An earlier diagnosis in ``out`` is replaced when the new one is complete.
+    Without a next experiment there is no next_experiment.csv.
 
     Args:
         diagnosis: the results.
@@ -81,12 +85,45 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
         new = Path(temporary) / "new"
         new.mkdir()
         _write_json(new / VERDICT, verdict_json(diagnosis))
-        model_assets.write_model(diagnosis.extended_xml, study.model, new / extended_model.XML)
+        model, extended = study.model, new / extended_model.XML
+        copied = model_assets.write_model(diagnosis.extended_xml, model, extended)
         _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis))
+        if diagnosis.posterior is not None:
+            nominal = study.spec().to_xml()
+            model_assets.write_model(nominal, model, new / posterior_file.MODEL, copied)
+            posterior_file.write_posterior(diagnosis.posterior, new / posterior_file.JSON)
         if diagnosis.next_experiment is not None:
             write_experiment(diagnosis.next_experiment, study, new / EXPERIMENT)
         write_report(diagnosis, study, new / REPORT)
         _replace(out, new, Path(temporary) / "old")
+
+
+def write_samples(posterior: Posterior, n: int, seed: int, out: Path | str) -> list[Path]:
+    """Write samples of a posterior, each to a folder from which `load_extended` reads it.
+
+    Args:
+        posterior: what a diagnosis leaves open.
+        n: number of samples.
+        seed: of the samples.
+        out: folder to create, or an empty one.
+
+    Returns:
+        The folders, ``sample_000`` and so on.
+
+    Raises:
+        StudyError: ``out`` cannot be used, or a number is out of its range.
+    """
+    out, original = Path(out), posterior.system.study.model
+    check_out(out)
+    if out.exists() and any(out.iterdir()):
+        raise StudyError(f"{out} is not empty; choose a new or empty folder")
+    samples = posterior.sample(n, seed)
+    folders = [out / f"sample_{i:03d}" for i in range(len(samples))]
+    for sample, folder in zip(samples, folders, strict=True):
+        folder.mkdir(parents=True)
+        model_assets.write_model(sample.spec.to_xml(), original, folder / extended_model.XML)
+        _write_json(folder / extended_model.JSON, extended_model.effects_json(sample.effects))
+    return folders
 
 
 def write_experiment(experiment: Experiment, study: Study, path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from glob import escape
 from pathlib import Path
 
@@ -22,7 +23,9 @@ NAMED = {
 """Attributes that contain a file name, by element."""
 
 
-def write_model(xml: str, original: Path, path: Path) -> None:
+def write_model(
+    xml: str, original: Path, path: Path, copied: Mapping[Path, str] | None = None
+) -> dict[Path, str]:
     """Write a model with its assets in a folder beside it, and check that it can be loaded.
 
     The text of `mujoco.MjSpec.to_xml` contains file names relative to the folder of the original
@@ -32,6 +35,10 @@ def write_model(xml: str, original: Path, path: Path) -> None:
         xml: text of ``to_xml``.
         original: file from which the model was read.
         path: file to write, in an existing folder.
+        copied: names of the files that are in the folder of assets already; none by default.
+
+    Returns:
+        Names of all files that are there now.
 
     Raises:
         StudyError: a file of the model was not found, or the model cannot be loaded.
@@ -40,7 +47,7 @@ def write_model(xml: str, original: Path, path: Path) -> None:
     root = ElementTree.fromstring(xml, parser)
     compiler = root.find("compiler")
     folders = {} if compiler is None else dict(compiler.attrib)
-    copies: dict[Path, str] = {}
+    copies = dict(copied or {})
     for kind, attributes in NAMED.items():
         folder = folders.get("texturedir" if kind == "texture" else "meshdir", "")
         for element in root.iter(kind):
@@ -62,6 +69,7 @@ def write_model(xml: str, original: Path, path: Path) -> None:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise StudyError(f"the extended model of {original} cannot be loaded: {reason}") from error
+    return copies
 
 
 def _find(original: Path, folder: str, name: str) -> Path:
@@ -90,6 +98,7 @@ def _free(file: Path, copies: dict[Path, str]) -> str:
 
 
 def _copy(copies: dict[Path, str], folder: Path) -> None:
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     for source, name in copies.items():
-        shutil.copyfile(source, folder / name)
+        if not (folder / name).exists():
+            shutil.copyfile(source, folder / name)

@@ -1,0 +1,229 @@
+"""Models of a user, one for each environment of a vector: they move as MuJoCo moves them."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import kengoro_env
+from kengoro.study_model import study_model
+from kengoro_env.assets import asset_path
+from kengoro_env.env import KengoroEnv
+from kengoro_env.errors import ArgumentError, KengoroError
+from kengoro_env.vector import KengoroVectorEnv
+
+ID = "Kengoro/Elbow-v0"
+SCENE = "mjcf/kengoro_arm/elbow.xml"
+
+
+@pytest.fixture(scope="module")
+def nominal() -> mujoco.MjSpec:
+    """The nominal model with its tendons and motors, as in a study."""
+    return study_model(asset_path(SCENE))
+
+
+def changed(nominal: mujoco.MjSpec, stiffer: float = 1.0, heavier: float = 1.0) -> mujoco.MjSpec:
+    """The model with other gains and masses."""
+    spec = nominal.copy()
+    for actuator in spec.actuators:
+        actuator.gainprm[0] *= stiffer
+        actuator.biasprm[1] *= stiffer
+    for geom in spec.geoms:
+        geom.mass *= heavier  # not a number where the density counts
+        geom.density *= heavier
+    for body in spec.bodies:
+        body.mass *= heavier
+        body.inertia *= heavier
+    return spec
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Such as an extended model of `reality_gap`."""
+
+    spec: mujoco.MjSpec
+
+
+def make(**options: Any) -> KengoroEnv:
+    env = gym.make(ID, camera=False, **options).unwrapped
+    assert isinstance(env, KengoroEnv)
+    return env
+
+
+def make_many(count: int, **options: Any) -> KengoroVectorEnv:
+    envs = gym.make_vec(ID, count, threads=1, **options)
+    assert isinstance(envs, KengoroVectorEnv)
+    return envs
+
+
+def test_the_nominal_model_as_a_model_moves_as_without_it(nominal: mujoco.MjSpec) -> None:
+    angles = []
+    for env in (make(), make(model=Sample(nominal))):
+        env.reset(seed=3)
+        actions = np.random.default_rng(0).uniform(-0.3, 0.3, (5, len(env.muscles)))
+        for action in actions.astype(np.float32):
+            observed, _, _, _, info = env.step(action)
+        angles.append((info["joint_angles"], observed["lengths"], observed["tensions"]))
+
+    for one, two in zip(*angles, strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-6)
+
+
+def test_a_model_moves_as_mujoco_moves_it(nominal: mujoco.MjSpec) -> None:
+    """Also with an encoder that the model's servos read wrongly, and with other gains."""
+    spec = changed(nominal, stiffer=0.8, heavier=1.3)
+    muscle = spec.actuators[0].name
+    spec.actuator(muscle).biasprm[0] += 60.0
+    env = make(model=spec)
+    env.reset(seed=1)
+    model = spec.compile()
+    assert model.body_subtreemass[0] > 1.2 * nominal.compile().body_subtreemass[0]
+    data = mujoco.MjData(model)
+    zero = nominal.compile().tendon_length0
+    action = env.lengths_to_action(env.robot.lengths).astype(np.float32)
+    mujoco.mj_setState(model, data, env.robot.state().physics, mujoco.mjtState.mjSTATE_INTEGRATION)
+    target = env.action_to_lengths(action)
+    for name, length in zip(env.muscles, target, strict=True):
+        data.ctrl[model.actuator(name).id] = length + zero[model.tendon(name).id]
+
+    for _ in range(5):
+        *_, info = env.step(action)
+    steps = round(5 * env.robot.control_period / model.opt.timestep)
+    mujoco.mj_step(model, data, steps)
+
+    joints = [model.joint(joint).qposadr[0] for joint in env.joints]
+    np.testing.assert_allclose(info["joint_angles"], data.qpos[joints], atol=1e-9)
+
+
+def test_each_environment_of_a_vector_has_its_model(nominal: mujoco.MjSpec) -> None:
+    """The bits are those of single environments with these models."""
+    models = [nominal, changed(nominal, heavier=1.5), changed(nominal, stiffer=0.7)]
+    envs = make_many(3, models=models, max_episode_steps=2)
+    observed, _ = envs.reset(seed=[5, 5, 5])
+    pull = make().lengths_to_action(observed["lengths"][0] - 0.003)
+    action = np.tile(pull, (3, 1))
+    angles = envs.step(action)[4]["joint_angles"]
+    assert len({tuple(row) for row in angles}) == 3
+    for _ in range(3):  # the second resets
+        observed, rewards, _, _, _ = envs.step(action)
+
+    singles = []
+    for model in models:
+        env = make(model=model)
+        env.reset(seed=5)
+        for _ in range(2):
+            env.step(action[0])
+        env.reset()
+        singles.append(env.step(action[0]))
+    np.testing.assert_array_equal(observed["lengths"], [one[0]["lengths"] for one in singles])
+    np.testing.assert_array_equal(rewards, [one[1] for one in singles])
+    again = copy.deepcopy(envs)
+    for one, two in zip(again.step(action)[:2], envs.step(action)[:2], strict=True):
+        np.testing.assert_equal(one, two)
+
+
+def without_muscle(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    for sensor in list(spec.sensors):
+        spec.delete(sensor)
+    spec.delete(spec.actuators[0])
+    return spec
+
+
+def with_velocity_gain(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    spec.actuators[1].biasprm[2] = -5.0
+    return spec
+
+
+def with_free_forces(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    spec.actuators[0].forcelimited = False
+    return spec
+
+
+def test_a_model_without_cameras_is_not_rendered(nominal: mujoco.MjSpec) -> None:
+    spec = nominal.copy()
+    spec.geom("marker_plate").group = 3  # as all others of a study's model
+    with pytest.raises(ArgumentError, match="nothing of the model is rendered"):
+        make(model=spec, render_mode="rgb_array")
+    spec.worldbody.add_geom(size=[0.1] * 3)
+    for camera in list(spec.cameras):
+        spec.delete(camera)
+    make(model=spec)
+    with pytest.raises(ArgumentError, match="has no camera 'outside': leave render_mode out"):
+        make(model=spec, render_mode="rgb_array")
+    with pytest.raises(ArgumentError, match="has no camera 'outside'"):
+        make_many(2, models=[spec, spec], render_mode="rgb_array")
+
+
+def test_each_environment_renders_its_own_model(nominal: mujoco.MjSpec) -> None:
+    models = [nominal.copy(), nominal.copy()]
+    for spec, x in zip(models, (0.0, 0.3), strict=True):
+        body = spec.body(spec.joints[0].parent.name)
+        body.add_geom(size=[0.1 + x] * 3, rgba=[1, x, 0, 1])
+    envs = make_many(2, models=models, render_mode="rgb_array", width=64, height=48)
+    envs.reset(seed=0)
+    images = envs.render()
+    assert images is not None
+    for i, model in enumerate(models):
+        env = make(model=model, render_mode="rgb_array", width=64, height=48)
+        env.reset(seed=i)
+        np.testing.assert_array_equal(images[i], env.render())
+    assert np.any(images[0] != images[1])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without_muscle, r"models\[1\] has no actuator"),
+        (with_velocity_gain, "must pull its tendon by muscle stiffness control"),
+        (with_free_forces, "has no forcerange"),
+        (lambda _: mujoco.MjSpec(), r"models\[1\] has no tendon"),
+        (lambda _: 3, r"models\[1\] must be a mujoco.MjSpec"),
+    ],
+)
+def test_a_model_that_does_not_fit_is_refused(
+    nominal: mujoco.MjSpec, change: Any, message: str
+) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        make_many(2, models=[nominal, change(nominal.copy())])
+
+
+def test_a_model_of_another_scene_is_refused() -> None:
+    posture = study_model(asset_path("mjcf/kengoro_arm/posture.xml"))
+
+    with pytest.raises(KengoroError, match="must have the joints of the scene"):
+        make(model=posture)
+
+
+def test_a_file_is_a_model(nominal: mujoco.MjSpec, tmp_path: Path) -> None:
+    path = tmp_path / "model.xml"
+    path.write_text(nominal.to_xml(), encoding="utf-8")
+
+    assert make(model=path).muscles == make().muscles
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"models": []}, "one model for each of 2 environments, it has 0"),
+        ({"models": "nominal"}, "must be a list of 2 models"),
+    ],
+)
+def test_a_wrong_number_of_models_is_refused(options: Any, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        make_many(2, **options)
+
+
+def test_a_model_excludes_other_robots(nominal: mujoco.MjSpec) -> None:
+    with pytest.raises(ArgumentError, match="not both"):
+        make_many(1, models=[nominal], robot_seed=1)
+    with pytest.raises(ArgumentError, match="not both"):
+        make(model=nominal, departures=())
+    with pytest.raises(ArgumentError, match="own gains"):
+        make(model=nominal, gains=kengoro_env.Gains(stiffness=1e4))

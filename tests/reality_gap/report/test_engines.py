@@ -1,0 +1,163 @@
+"""Other engines: what they lack is named, and a step of MJX is that of MuJoCo."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap.causes import find_cause
+from reality_gap.errors import UnknownNameError
+from reality_gap.report.actuator_configs import isaac_lab_actuators, mjlab_actuators
+from reality_gap.report.engines import engine_input
+from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.study.data import Study
+from reality_gap.study.system import compile_system
+
+STEP = Path(__file__).with_name("mjx_step.py")
+MJX = ("mujoco-mjx==3.17.0", "mujoco==3.17.0", "jax")
+
+JOINTS = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="hip" axis="0 1 0" damping="0.4" armature="0.02" frictionloss="0.3"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+      <body pos="0 0 -0.3">
+        <joint name="knee" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon><fixed name="belt"><joint joint="hip" coef="1"/></fixed></tendon>
+  <actuator>
+    <position name="hip" joint="hip" kp="50" kv="2" forcerange="-20 20"/>
+    <position name="knee" joint="knee" kp="10" gear="3" forcerange="-5 4"/>
+    <position name="belt" tendon="belt" kp="7"/>
+    <motor name="thrust" joint="knee"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def rubbed(lever_study: Study) -> mujoco.MjSpec:
+    """The lever with dry friction of its flexor, as a diagnosis extends it."""
+    system, cause = compile_system(lever_study), find_cause("coulomb_friction")
+    location = next(p for p in cause.locations(system) if p.elements == ("flexor",))
+    candidate = Candidate(cause, location, cause.parameters(system, location))
+    return build(system, [(candidate, candidate.null_values() | {"friction": 3.0})]).spec
+
+
+def test_friction_with_a_state_becomes_friction_loss_for_mjx(rubbed: mujoco.MjSpec) -> None:
+    found = engine_input(rubbed, "mjx")
+    model = found.spec.compile()
+
+    assert model.tendon_frictionloss[model.tendon("flexor").id] == pytest.approx(3.0)
+    assert len(found.replaced) == 1
+    assert "coulomb_friction/flexor is friction loss of flexor, 3 N" in found.replaced[0]
+    assert found.lacking == ()
+    names = [model.actuator(i).name for i in range(model.nactuator)]
+    assert names == ["flexor", "extensor"]
+
+
+def test_warp_has_the_friction_with_a_state(rubbed: mujoco.MjSpec) -> None:
+    found = engine_input(rubbed, "warp")
+
+    assert (found.replaced, found.lacking) == ((), ())
+    assert found.spec.compile().nactuator == rubbed.compile().nactuator
+
+
+def test_what_an_engine_lacks_is_named() -> None:
+    spec = mujoco.MjSpec.from_string(JOINTS)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+    spec.actuator("thrust").set_to_dcmotor(motorconst=[0.1, 0.1], resistance=1.0)
+
+    assert engine_input(spec, "mjx").lacking == (
+        "the actuator thrust is dyntype DCMOTOR, not in MJX",
+        "the actuator thrust is gaintype DCMOTOR, not in MJX",
+        "the actuator thrust is biastype DCMOTOR, not in MJX",
+        "the integrator is IMPLICIT, not in MJX",
+    )
+    assert engine_input(spec, "warp").lacking == ()
+
+
+def test_an_unknown_engine_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="unknown engine 'gazebo'; known: mjx, warp"):
+        engine_input(mujoco.MjSpec(), "gazebo")  # type: ignore[arg-type]
+
+
+def test_isaac_lab_gets_joints_in_si_units() -> None:
+    found = isaac_lab_actuators(mujoco.MjSpec.from_string(JOINTS))
+
+    (arguments,) = found.arguments
+    assert arguments == {
+        "joint_names_expr": ["hip", "knee"],
+        "stiffness": {"hip": 50.0, "knee": 90.0},
+        "damping": {"hip": 2.0, "knee": 0.0},
+        "armature": {"hip": 0.02, "knee": 0.0},
+        "friction": {"hip": 0.3, "knee": 0.0},
+        "dynamic_friction": {"hip": 0.3, "knee": 0.0},
+        "viscous_friction": {"hip": 0.4, "knee": 0.0},
+        "effort_limit_sim": {"hip": 20.0, "knee": 15.0},
+    }
+    assert found.lacking == (
+        "the forces of the actuator knee are from -5 to 4",
+        "commands of knee are 3 times those of its element",
+        "the actuator of belt pulls a tendon, not a joint",
+        "the actuator thrust is no position servo",
+    )
+
+
+def test_a_drive_of_the_exported_numbers_moves_as_the_servo() -> None:
+    """Torque of the servo = stiffness (target - angle) - damping speed, also through a gear."""
+    model = mujoco.MjModel.from_xml_string(JOINTS)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:2] = (0.1, 0.05), (0.3, -0.2), (0.2, 0.3)
+    mujoco.mj_forward(model, data)
+    (arguments,) = isaac_lab_actuators(mujoco.MjSpec.from_string(JOINTS)).arguments
+    stiffness, damping = (list(arguments[key].values()) for key in ("stiffness", "damping"))
+    target = np.array([0.2, 0.3 / 3.0])
+
+    torque = np.array(stiffness) * (target - data.qpos) - np.array(damping) * data.qvel
+
+    own = data.actuator_force[:2] * model.actuator_gear[:2, 0]
+    np.testing.assert_allclose(torque, own)
+
+
+def test_mjlab_gets_tendons_too(rubbed: mujoco.MjSpec) -> None:
+    found = mjlab_actuators(rubbed)
+
+    flexor, extensor = found.arguments
+    assert flexor["target_names_expr"] == ("flexor",)
+    assert flexor["transmission_type"] == extensor["transmission_type"] == "tendon"
+    assert (flexor["stiffness"], flexor["effort_limit"]) == (5000.0, 400.0)
+    assert (flexor["frictionloss"], extensor["frictionloss"]) == (pytest.approx(3.0), 0.0)
+    assert "the actuator flexor adds a constant force of -10 N or N m" in found.lacking
+    assert "the forces of the actuator flexor are from -400 to -10" in found.lacking
+
+
+@pytest.mark.slow
+def test_a_step_of_mjx_is_that_of_mujoco(rubbed: mujoco.MjSpec, tmp_path: Path) -> None:
+    """On the CPU, in an environment that has MJX and its MuJoCo."""
+    made = subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], capture_output=True)
+    assert made.returncode == 0
+    python = tmp_path / "venv" / "bin" / "python"
+    install = [python, "-m", "pip", "install", "--quiet", *MJX]
+    installed = subprocess.run(install, capture_output=True, text=True)
+    if installed.returncode:
+        pytest.skip(f"cannot install {MJX[0]}: {installed.stderr.splitlines()[-1]}")
+    path = tmp_path / "model.xml"
+    path.write_text(engine_input(rubbed, "mjx").spec.to_xml(), encoding="utf-8")
+
+    stepped = subprocess.run([python, STEP, path], capture_output=True, text=True)
+
+    assert stepped.returncode == 0, stepped.stderr[-3000:]
+    found = json.loads(stepped.stdout.splitlines()[-1])
+    assert found["moved"] > 1e-3
+    assert found["largest"] < 1e-4
