@@ -20,11 +20,13 @@ from kengoro.demonstrations.lerobot import VIDEO, video_path
 from kengoro.demonstrations.minari import NAME
 from kengoro.demonstrations.robot import episode_seed
 from kengoro.demonstrations.robot_file import (
+    RobotEpisodes,
     described_departures,
     read_robot,
     write_robot,
 )
 from kengoro.errors import UsageError
+from kengoro.hand_search import TrialOptions
 from kengoro.robots import make_env
 from kengoro_env.departures import actual
 from reality_gap.io.lerobot import unpack_dataset
@@ -218,3 +220,31 @@ def test_bad_input_is_one_sentence(
 
 def test_the_defaults_are_twenty_robots_with_ten_episodes_each() -> None:
     assert plan_of(Args()) == Plan(tuple(range(20)), 10)
+
+
+@pytest.mark.slow
+def test_a_robot_learns_once_and_grasps(tmp_path: Path) -> None:
+    trial = TrialOptions(approaches=2, postures=3, move=1.0, patience=1.5)
+    plan = Plan((3,), 2, trial)
+    [found] = make_datasets(plan, tmp_path / "out", lambda text, by: None)
+    check_robot(found, tmp_path / "out")
+
+
+def check_robot(found: RobotEpisodes, out: Path) -> None:
+    """Check a robot that lifts the can in both episodes, after learning from few postures."""
+    assert [episode.lifted for episode in found.episodes] == [True, True]
+    cans = [episode.can_pose[0, :2, 3] for episode in found.episodes]
+    assert np.linalg.norm(cans[0] - cans[1]) > 1e-3
+    for episode in found.episodes:
+        assert episode.actions[0, -1] == -1.0  # open fingers
+        assert episode.actions[-1, -1] == 1.0
+        assert episode.rise[-1] > 0.03
+        assert np.abs(np.diff(episode.actions[:, :-1], axis=0)).max() < 0.2
+    rows = [-(-len(episode) // 10) for episode in found.episodes]
+    with imageio.get_reader(video_path(out / "lerobot", 0)) as video:
+        frames = list(iter(video))  # its length is not known
+    assert len(frames) == sum(rows)
+    first, last = frames[0].astype(int), frames[rows[0] - 1].astype(int)
+    assert np.abs(first - last).mean() > 2.0  # the camera turned towards the can
+    (data,) = (out / "lerobot" / "data").rglob("*.parquet")
+    assert parquet.read_table(data).num_rows == sum(rows)
