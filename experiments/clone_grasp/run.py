@@ -40,6 +40,7 @@ from experiments.harness.statistics import metric
 from kengoro.demonstrations.dataset import Plan, make_datasets
 from kengoro.demonstrations.robot import grasps, learned_agent
 from kengoro.demonstrations.robot_file import RobotEpisodes
+from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
 from mjcf_sandbox.files import write_bytes, write_json
 
@@ -131,7 +132,11 @@ def main(args: Args) -> Summary:
 def demonstrations(
     args: Args, robots: Sequence[int], sizes: Sizes, source: str
 ) -> list[RobotEpisodes]:
-    """Grasps to clone from, in a folder that is named by the code that they depend on."""
+    """Grasps to clone from, in a folder that is named by the code that they depend on.
+
+    Raises:
+        ExperimentError: a file in the folder is damaged.
+    """
     plan = Plan(tuple(robots), sizes.demonstrations, sizes.trial)
     known = files_digest([], f"{source} {asdict(plan)}")
     folder = args.out / f"data-{known[:8]}"
@@ -141,7 +146,10 @@ def demonstrations(
             for _ in range(int(by)):
                 advance(text)
 
-        return make_datasets(plan, folder, progress, args.jobs, args.cache)
+        try:
+            return make_datasets(plan, folder, progress, args.jobs, args.cache)
+        except UsageError as error:
+            raise ExperimentError(str(error)) from error
 
 
 def clone(out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, source: str) -> Path:

@@ -18,6 +18,7 @@ from experiments.clone_grasp.run import DRAWING, HISTORY, Args, Sizes, clone, co
 from experiments.harness.errors import ExperimentError
 from kengoro.demonstrations.episode import Episode
 from kengoro.demonstrations.robot_file import RobotEpisodes
+from kengoro.errors import UsageError
 from tests.kengoro.demonstrations.small_dataset import made_episode
 
 READ = 72
@@ -101,6 +102,17 @@ def test_a_failed_training_is_one_sentence(tmp_path: Path) -> None:
     robots = linear_robots()[:1]  # none is left to learn from
     with pytest.raises(ExperimentError, match="training of the policy 'present' failed: "):
         clone(tmp_path, robots, "present", Sizes(epochs=1), "source")
+
+
+def test_a_damaged_demonstration_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def make_datasets(*_: Any) -> None:
+        raise UsageError("000.npz is damaged; remove it, and this robot runs again.")
+
+    monkeypatch.setattr(run, "make_datasets", make_datasets)
+    with pytest.raises(ExperimentError, match="damaged; remove it"):
+        run.demonstrations(Args(out=tmp_path), [0, 1], Sizes(), "source")
 
 
 def test_a_policy_that_holds_still_lifts_no_can() -> None:
