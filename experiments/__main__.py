@@ -68,6 +68,7 @@ RUNNERS = {
     "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),
     "lab-faults": Runner("killed processes and broken lines: who stops the robot, how soon"),
     "learn-posture": Runner("reinforcement learning from the reward alone"),
+    "clone-grasp": Runner("grasps cloned from robots that have learned, on other robots"),
     "learnability": Runner("what can be learned from which data, and the lower bound"),
     "reported": Runner("adds logged runs on reporting seeds to experiments/REPORTED.csv"),
 }

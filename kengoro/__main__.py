@@ -14,6 +14,7 @@ COMMANDS = {
     "record": "a log of a moving robot and its study for reality-gap",
     "view": "watch a robot while it learns",
     "calibrate": "check clock, zero posture, signs, gains, limit and camera of a robot",
+    "dataset": "grasps of robots that have learned, as LeRobot and Minari data sets",
     "hand-detector": "train a detector that finds a hand without a marker",
     "commission": "pull each muscle a little and name what is connected wrongly",
     "experiments": "list the experiments, which need a checkout of the repository",

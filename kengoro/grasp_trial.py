@@ -99,7 +99,7 @@ class GraspTrial:
                 self.session.stage = "observes its hand near the can"
                 self._explore(self._near_postures())
             self.session.stage = f"approach {number + 1}"
-            grasped = self._approach()
+            grasped = self.approach()
             if grasped and number > 0:
                 break
             self._let_go()
@@ -170,7 +170,8 @@ class GraspTrial:
             return None
         return self._planner.marker_in_world(found.pose_can_in_camera, agent.joint_angles)
 
-    def _approach(self) -> bool:
+    def approach(self) -> bool:
+        """Find the can and `grasp` it; a note says why, if no approach was made."""
         session = self.session
         self._can = pose = self._find_can()
         if pose is None:
@@ -237,7 +238,7 @@ def begin_trial(
     options: TrialOptions | None = None,
     watch: Callable[[Session], None] | None = None,
 ) -> GraspTrial:
-    """Begin the trial of a robot.
+    """Begin the trial of a robot, with the can where the seed puts it.
 
     Args:
         env: of the task CanGrasp.

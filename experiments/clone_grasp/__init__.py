@@ -1,0 +1,1 @@
+"""Behaviour cloning of grasps, from demonstrations of robots that have learned."""

@@ -1,0 +1,87 @@
+"""A robot that learns once, as in `kengoro demo`, and then grasps cans at new positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from jmm_agent.agent import Agent
+from kengoro.agents import make_agent
+from kengoro.demonstrations.episode import Episode, Recorder
+from kengoro.grasp_trial import begin_trial
+from kengoro.hand_search import TrialOptions
+from kengoro.robots import make_env, shuffled_postures
+from kengoro.session import EpisodeEndedError, Session
+from kengoro.trained_maps import trained_map
+from kengoro_env.vision.rendering import Image
+
+MOST = 10_000
+"""Most episodes of a robot; their seeds are those from `MOST` times (robot + 1) on."""
+
+Stage = Callable[[str], None]
+"""Called with what the robot is doing."""
+
+
+def no_stage(stage: str) -> None:
+    """A `Stage` that shows nothing."""
+
+
+def episode_seed(robot: int, number: int) -> int:
+    """Seed of an episode of a robot, from which the can's position follows."""
+    return MOST * (robot + 1) + number
+
+
+def learned_agent(
+    robot: int,
+    options: TrialOptions | None = None,
+    cache: Path | None = None,
+    stage: Stage = no_stage,
+) -> Agent:
+    """The agent after the trial of `kengoro demo`, with learning off.
+
+    Args:
+        robot: seed of the actual robot.
+        options: of the trial.
+        cache: folder of trained maps.
+        stage: called with what the robot is doing.
+    """
+    agent = make_agent(robot, jmm=trained_map(cache))
+    env = make_env("CanGrasp", robot)
+
+    def watch(session: Session) -> None:
+        stage(session.stage)
+
+    begin_trial(env, agent, robot, shuffled_postures(robot), options, watch).run_to_end()
+    env.close()
+    agent.finish_learning()
+    agent.learning = False
+    return agent
+
+
+def grasps(
+    agent: Agent,
+    robot: int,
+    count: int,
+    options: TrialOptions | None = None,
+    add_frame: Callable[[Image], None] | None = None,
+) -> Iterator[Episode]:
+    """Episodes in which a robot grasps a can at a new position.
+
+    Each begins with the arm beside the body and ends after the lift, or what ended it before.
+
+    Args:
+        agent: that has learned on this robot.
+        robot: seed of the actual robot.
+        count: number of episodes.
+        options: durations of the movements.
+        add_frame: called with each frame of the camera, at the camera's rate.
+    """
+    postures = shuffled_postures(robot)
+    env = Recorder(make_env("CanGrasp", robot), add_frame)
+    for number in range(count):
+        trial = begin_trial(env, agent, episode_seed(robot, number), postures, options)
+        with suppress(EpisodeEndedError):
+            trial.approach()
+        yield env.episode
+    env.close()
