@@ -1,11 +1,6 @@
-"""Other engines: what they lack is named, and a step of MJX is that of MuJoCo."""
+"""Other engines: what they lack is named, and actuators have the numbers of MuJoCo."""
 
 from __future__ import annotations
-
-import json
-import subprocess
-import sys
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -18,9 +13,6 @@ from reality_gap.report.engines import engine_input
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.study.data import Study
 from reality_gap.study.system import compile_system
-
-STEP = Path(__file__).with_name("mjx_step.py")
-MJX = ("mujoco-mjx==3.17.0", "mujoco==3.17.0", "jax")
 
 JOINTS = """
 <mujoco>
@@ -140,24 +132,3 @@ def test_mjlab_gets_tendons_too(rubbed: mujoco.MjSpec) -> None:
     assert (flexor["frictionloss"], extensor["frictionloss"]) == (pytest.approx(3.0), 0.0)
     assert "the actuator flexor adds a constant force of -10 N or N m" in found.lacking
     assert "the forces of the actuator flexor are from -400 to -10" in found.lacking
-
-
-@pytest.mark.slow
-def test_a_step_of_mjx_is_that_of_mujoco(rubbed: mujoco.MjSpec, tmp_path: Path) -> None:
-    """On the CPU, in an environment that has MJX and its MuJoCo."""
-    made = subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], capture_output=True)
-    assert made.returncode == 0
-    python = tmp_path / "venv" / "bin" / "python"
-    install = [python, "-m", "pip", "install", "--quiet", *MJX]
-    installed = subprocess.run(install, capture_output=True, text=True)
-    if installed.returncode:
-        pytest.skip(f"cannot install {MJX[0]}: {installed.stderr.splitlines()[-1]}")
-    path = tmp_path / "model.xml"
-    path.write_text(engine_input(rubbed, "mjx").spec.to_xml(), encoding="utf-8")
-
-    stepped = subprocess.run([python, STEP, path], capture_output=True, text=True)
-
-    assert stepped.returncode == 0, stepped.stderr[-3000:]
-    found = json.loads(stepped.stdout.splitlines()[-1])
-    assert found["moved"] > 1e-3
-    assert found["largest"] < 1e-4
