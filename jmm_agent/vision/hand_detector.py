@@ -3,8 +3,8 @@
 
 1. The *finder* gives places in the frame at which a hand may be, and how large it is.
 2. A virtual camera looks at each place (`CropView`), and the *points network* locates points of the
-   hand in that crop, each with a covariance. Their pose follows (`weighted_pnp`). A second crop, in
-   which the hand is upright and centred, makes it finer.
+   hand in that crop, each with a covariance. Their pose follows (`weighted_pnp`). Further
+   crops, in which the hand is upright and centred, make it finer.
 
 Where the joints expect the hand is one more place to look at, and not trusted: a pose is accepted
 for what the crop shows.
@@ -39,8 +39,10 @@ UNCLEAR = 0.3
 """A hand with this share of the least score may be there, but gives no pose [1]."""
 LEAST_SCORE = 0.1
 """The finder's score from which on a place is looked at [0, 1]."""
-TURNS = 2
+TURNS = 3
 """Number of crops of each place; each is cut around the pose that the one before gave."""
+HOPELESS = 0.02
+"""A place whose first crop has a smaller score than this is not looked at again [0, 1]."""
 SPREAD = (-2.0, 6.0)
 """Range of the logarithms of the diagonal of a point's whitening matrix."""
 SAME = 0.5
@@ -54,7 +56,8 @@ class Candidate(NamedTuple):
 
     Attributes:
         detection: its pose.
-        score: how sure the networks are that the hand is there [0, 1].
+        score: how sure the networks are that the hand is there [0, 1]: of the mean log odds of its
+            crops, for what only resembles a hand does so in some of them.
     """
 
     detection: HandDetection
@@ -211,18 +214,20 @@ class TrainedHandDetector:
 
     def _candidate(self, frame: np.ndarray, view: CropView) -> Candidate | None:
         """The hand that a view shows; None if its points have no pose."""
-        found, score = None, 0.0
+        found, odds = None, []
         for _ in range(TURNS):
             output = _run(self._points, view.cut(frame, self._camera)).ravel().astype(float)
-            score = float(expit(output[-1]))
+            odds.append(output[-1])
             found = pose_of_points(output, view, self._hand)
             if found is None:
                 return None
+            if expit(odds[-1]) < HOPELESS:
+                break
             view = self._view(found.pose, level=True)
         assert found is not None
         scale = np.repeat([self._model.position_factor, self._model.rotation_factor], 3)
         detection = HandDetection(found.pose, found.covariance * np.outer(scale, scale))
-        return Candidate(detection, score)
+        return Candidate(detection, float(expit(np.mean(odds))))
 
 
 def finder_input(frame: np.ndarray, factor: float) -> np.ndarray:

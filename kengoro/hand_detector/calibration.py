@@ -23,8 +23,10 @@ from kengoro.hand_detector.frames import Frame, FrameMaker, develop
 
 VISIBLE = 0.5
 """Hands of which this share is visible are to be found [1]."""
-QUANTILE, CHI2 = 0.95, 7.815
-"""Share of the errors that the region of this squared distance must hold, at 3 degrees [1]."""
+QUANTILE = 0.95
+"""Share of the errors that a region must hold [1]."""
+PARTS = ((slice(0, 3), 7.815), (slice(3, 6), 7.815), (slice(0, 6), 12.592))
+"""Positions, rotations and both, with the squared distance that bounds the region of each [1]."""
 FALSE = 0.005
 """Share of the frames without a hand in which one may be claimed [1]."""
 LEAST = 0.5
@@ -77,7 +79,7 @@ def calibrate(
         error for error, score in zip(errors, scores, strict=True)
         if error is not None and score >= threshold
     ]  # fmt: skip
-    write_hand_model(path, _calibrated(model, threshold, believed), *networks)
+    write_hand_model(path, calibrated(model, threshold, believed), *networks)
     return Calibration(
         float(np.mean(np.array(scores) >= threshold)),
         float(np.mean(np.array(without) >= threshold)) if without else 0.0,
@@ -98,19 +100,19 @@ def _frames(source: Source, maker: FrameMaker, count: int) -> Iterator[Frame]:
         yield frame._replace(image=develop(frame.image, random))
 
 
-def _calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation]) -> HandModel:
+def calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation]) -> HandModel:
     """The model with a threshold, and with factors by which the covariances hold the errors."""
     if not errors:
         return replace(model, threshold=threshold)
-    position, rotation = (
-        float(np.sqrt(np.quantile([getattr(error, name) for error in errors], QUANTILE) / CHI2))
-        for name in ("position_share", "rotation_share")
-    )
+    factors = np.ones(6)
+    for part, bound in PARTS:
+        far = np.quantile([error.distance(part, factors) for error in errors], QUANTILE)
+        factors[part] *= np.sqrt(far / bound)
     return replace(
         model,
         threshold=threshold,
-        position_factor=model.position_factor * position,
-        rotation_factor=model.rotation_factor * rotation,
+        position_factor=model.position_factor * float(factors[0]),
+        rotation_factor=model.rotation_factor * float(factors[3]),
     )
 
 

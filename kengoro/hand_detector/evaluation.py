@@ -15,16 +15,32 @@ class PoseDeviation(NamedTuple):
     """How far a detected pose is from the true one.
 
     Attributes:
-        position: distance of the hand's origin [m].
-        rotation: angle between them [rad].
-        position_share: squared distance in units of the claimed covariance, 3 degrees of freedom.
-        rotation_share: the same of the rotation.
+        error: of the position [m] and of the rotation, as a rotation vector [rad] (6,).
+        covariance: that the detection claims (6, 6).
     """
 
-    position: float
-    rotation: float
-    position_share: float
-    rotation_share: float
+    error: Floats
+    covariance: Floats
+
+    @property
+    def position(self) -> float:
+        """Distance of the hand's origin [m]."""
+        return float(np.linalg.norm(self.error[:3]))
+
+    @property
+    def rotation(self) -> float:
+        """Angle between them [rad]."""
+        return float(np.linalg.norm(self.error[3:]))
+
+    def distance(self, part: slice, factors: Floats) -> float:
+        """Squared distance in units of the claimed covariance.
+
+        Args:
+            part: which of the six numbers of the error.
+            factors: by which the standard deviations are multiplied (6,) [1].
+        """
+        error = (self.error / factors)[part]
+        return float(error @ np.linalg.solve(self.covariance[part, part], error))
 
 
 def pose_deviation(found: HandDetection, pose: Floats) -> PoseDeviation:
@@ -36,10 +52,4 @@ def pose_deviation(found: HandDetection, pose: Floats) -> PoseDeviation:
     """
     away = found.pose_hand_in_camera[:3, 3] - pose[:3, 3]
     turn = cv2.Rodrigues(found.pose_hand_in_camera[:3, :3] @ pose[:3, :3].T)[0].ravel()
-    covariance = found.covariance
-    return PoseDeviation(
-        float(np.linalg.norm(away)),
-        float(np.linalg.norm(turn)),
-        float(away @ np.linalg.solve(covariance[:3, :3], away)),
-        float(turn @ np.linalg.solve(covariance[3:, 3:], turn)),
-    )
+    return PoseDeviation(np.concatenate([away, turn]), found.covariance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import json
 import zipfile
 from dataclasses import replace
@@ -124,7 +125,7 @@ def test_the_depth_of_a_hand_aside_is_uncertain_along_its_ray() -> None:
     assert abs(axes[:, 2] @ ray) / np.linalg.norm(ray) > 0.98
 
 
-def test_the_second_crop_is_upright_around_the_pose_that_the_first_showed(
+def test_each_crop_is_upright_around_the_pose_that_the_one_before_showed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     views: list[CropView] = []
@@ -136,13 +137,27 @@ def test_the_second_crop_is_upright_around_the_pose_that_the_first_showed(
 
     monkeypatch.setattr(CropView, "cut", noted)
     detector(tmp_path, finder_output(-10.0), points_output(4.0)).detect(GREY, straight_hand(0.6))
-    first, second = views
-    shown = pose_of_points(points_output(4.0), first, POINTS)
-    assert shown is not None
-    upright = hand_view(shown.pose, MODEL.centre, MODEL.radius, MODEL.size, level=True)
-    assert second.rotation == pytest.approx(upright.rotation, abs=1e-6)
-    assert second.slope == pytest.approx(upright.slope)
-    assert np.abs(second.rotation - first.rotation).max() > 0.05
+    assert len(views) == 3
+    for before, after in itertools.pairwise(views):
+        shown = pose_of_points(points_output(4.0), before, POINTS)
+        assert shown is not None
+        upright = hand_view(shown.pose, MODEL.centre, MODEL.radius, MODEL.size, level=True)
+        assert after.rotation == pytest.approx(upright.rotation, abs=1e-6)
+        assert after.slope == pytest.approx(upright.slope)
+    assert np.abs(views[1].rotation - views[0].rotation).max() > 0.05
+
+
+@pytest.mark.parametrize(("odds", "score"), [((8.0, 3.0, 1.0), 4.0), ((-6.0,), -6.0)])
+def test_a_score_is_that_of_the_mean_log_odds_of_the_crops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, odds: tuple[float, ...], score: float
+) -> None:
+    """A place that shows nothing at all is looked at once."""
+    made = detector(tmp_path, finder_output(-10.0), points_output(4.0))
+    outputs = iter([finder_output(-10.0)[None], *(points_output(each) for each in odds)])
+    monkeypatch.setattr("jmm_agent.vision.hand_detector._run", lambda *_: next(outputs))
+    (found,) = made.candidates(GREY, straight_hand(0.6))
+    assert found.score == pytest.approx(1.0 / (1.0 + np.exp(-score)))
+    assert next(outputs, None) is None
 
 
 def test_factors_of_the_calibration_scale_the_covariance(

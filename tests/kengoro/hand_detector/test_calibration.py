@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from jmm_agent.vision.hand_model_file import read_hand_model, write_hand_model
-from kengoro.hand_detector.calibration import calibrate
+from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
+from kengoro.hand_detector.calibration import calibrate, calibrated
+from kengoro.hand_detector.evaluation import PoseDeviation
 from kengoro.hand_detector.examples import Source
 from kengoro.hand_weights import KENGORO
 from kengoro_env.assets import asset_path, assets_root
@@ -31,6 +34,26 @@ def test_a_calibration_finds_the_same_factors_whatever_was_in_the_file(tmp_path:
     assert one.threshold == other.threshold
     assert result.found > 0.8
     assert result.claimed <= 0.04
+
+
+def test_the_regions_of_a_calibration_hold_the_errors() -> None:
+    """Of positions, of rotations, and of both, whose errors go together."""
+    random = np.random.default_rng(0)
+    model = HandModel("hand", ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)), 128, 145.0)
+    errors = []
+    for _ in range(4000):
+        size = random.lognormal(0.0, 0.5)  # of both alike: a few hands are bad in all
+        claimed = np.diag(random.uniform(0.5, 2.0, 6)) ** 2 * 1e-4
+        drawn = size * np.sqrt(np.diag(claimed)) * random.normal(size=6)
+        errors.append(PoseDeviation(drawn * np.repeat([3.0, 5.0], 3), claimed))
+    found = calibrated(model, 0.9, errors)
+    factors = np.repeat([found.position_factor, found.rotation_factor], 3)
+    for part, degrees in ((slice(0, 3), 3), (slice(3, 6), 3), (slice(0, 6), 6)):
+        bound = chi2.ppf(0.95, degrees)
+        held = np.mean([error.distance(part, factors) < bound for error in errors])
+        assert 0.94 <= held <= 0.97
+    assert found.rotation_factor / found.position_factor == pytest.approx(5.0 / 3.0, rel=0.05)
+    assert found.threshold == 0.9
 
 
 def test_the_shipped_file_names_no_folder_and_is_small() -> None:
