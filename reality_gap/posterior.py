@@ -28,7 +28,7 @@ from reality_gap.types import Bools, Floats
 
 TRIES = 200
 """Number of draws from a Gaussian after which it is no longer hoped that one is within bounds."""
-SWEEPS = 30
+SWEEPS = 60
 """Number of Gibbs sweeps over all parameters that replace such draws."""
 MOST = 100_000
 """Largest number of samples."""

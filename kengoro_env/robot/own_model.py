@@ -21,6 +21,7 @@ from typing import Any, Protocol, TypeAlias
 
 import mujoco
 import numpy as np
+from gymnasium import logger
 
 from kengoro_env.errors import ArgumentError, ModelError
 from kengoro_env.robot.draft import Draft
@@ -138,6 +139,7 @@ def _spec_of(model: object, name: str) -> mujoco.MjSpec:
     """A copy of the model's spec."""
     if isinstance(model, str | Path):
         return read_spec(model)
+    _warn_of_effects(model, name)
     spec = getattr(model, "spec", model)
     if not isinstance(spec, mujoco.MjSpec):
         raise ArgumentError(
@@ -145,3 +147,16 @@ def _spec_of(model: object, name: str) -> mujoco.MjSpec:
             f"got {type(model).__name__}"
         )
     return spec.copy()
+
+
+def _warn_of_effects(model: object, name: str) -> None:
+    """Say which effects of an extended model MuJoCo cannot express, and are left out here."""
+    left_out = [
+        f"{effect.cause.id} of {', '.join(effect.location.elements) or 'the model'}"
+        for effect in getattr(model, "effects", ())
+    ]
+    if left_out:
+        logger.warn(
+            f"the {name.partition('[')[0]} given to the environment has effects beside its MJCF, "
+            f"which are not simulated: {'; '.join(left_out)}"
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -192,6 +193,17 @@ def test_a_model_that_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(ArgumentError, match=message):
         make_many(2, models=[nominal, change(nominal.copy())])
+
+
+def test_effects_beside_a_model_are_named_as_left_out(nominal: mujoco.MjSpec) -> None:
+    """Such as a delay, which an extended model of `reality_gap` has beside its MJCF."""
+    effect = SimpleNamespace(
+        cause=SimpleNamespace(id="delay"),
+        location=SimpleNamespace(elements=("biceps", "brachialis")),
+    )
+    sample = SimpleNamespace(spec=nominal, effects=(effect,))
+    with pytest.warns(UserWarning, match="not simulated: delay of biceps, brachialis"):
+        make(model=sample)
 
 
 def test_a_model_of_another_scene_is_refused() -> None:
