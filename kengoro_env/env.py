@@ -158,6 +158,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._view = _camera_name(robot.model, camera_name, render_mode)
         self._window: Any = None
         self._camera = None
+        if camera not in (None, False, True):
+            raise ArgumentError(f"camera is {camera!r}, but must be True, False or None")
         if camera and not self.task.has_camera:
             raise ArgumentError(f"the task {task!r} has no camera: leave camera out or False")
         if self.task.has_camera and camera is not False:
@@ -438,10 +440,10 @@ def own_model(
         raise ArgumentError("give a model, or robot_seed or departures, not both")
     if gains != DEFAULT_GAINS:
         raise ArgumentError("a model has its own gains: leave gains out")
-    if camera:
-        raise ArgumentError("a model has no pictures: leave camera out or False")
     if not isinstance(task, Reach):
         raise ArgumentError("only the tasks posture and elbow take a model")
+    if camera:
+        raise ArgumentError("a model has no frames: leave camera out or False")
     return (OwnModel(model, asset_path(task.scene), name),)
 
 

@@ -14,6 +14,7 @@ which the model was identified.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,6 +42,10 @@ class HasSpec(Protocol):
 
 Model: TypeAlias = mujoco.MjSpec | HasSpec | Path | str
 """A spec, an object that has one, or the path of an MJCF file."""
+
+
+LONGEST_STEP = 0.005
+"""Longest time step of a model [s]."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,8 @@ class OwnModel:
                     f"{name} has no {kind} {missing[0]!r}: it needs one for each of the "
                     f"{len(elements)} muscles of the scene"
                 )
+        for sentence in self._faults(name):
+            raise ArgumentError(sentence)
         joints = actuated_joints(model)
         if joints != nominal.joints:
             raise ArgumentError(
@@ -107,18 +114,50 @@ class OwnModel:
                 f"tendons cross {', '.join(joints) or 'none'}"
             )
         for muscle in nominal.muscles:
-            actuator = model.actuator(muscle)
-            gain, bias = actuator.gainprm[0], actuator.biasprm
-            on = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_TENDON)
-            if not on or not np.isclose(gain, -bias[1], rtol=1e-4) or gain <= 0.0 or bias[2]:
-                raise ArgumentError(
-                    f"the actuator {muscle!r} of {name} must pull its tendon by muscle stiffness "
-                    "control: a gain above 0, biasprm (b, -gain, 0) and a range of forces"
-                )
-            if model.actuator_ctrladr[actuator.id] != actuator.id:
+            self._check_actuator(muscle, f"the actuator {muscle!r} of {name}")
+            if model.actuator_ctrladr[model.actuator(muscle).id] != model.actuator(muscle).id:
                 raise ArgumentError(f"the muscles must be the first actuators of {name}")
-            if not actuator.forcelimited[0]:
-                raise ArgumentError(f"the actuator {muscle!r} of {name} has no forcerange")
+
+    def _check_actuator(self, muscle: str, named: str) -> None:
+        """Refuse an actuator that is no muscle stiffness control of its tendon."""
+        actuator = self._model.actuator(muscle)
+        gain, bias, (low, high) = actuator.gainprm[0], actuator.biasprm, actuator.forcerange
+        if not np.isfinite([gain, *bias, low, high]).all():
+            raise ArgumentError(f"{named} has a number that is none")
+        on = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+        if not on or not np.isclose(gain, -bias[1], rtol=1e-4) or gain <= 0.0 or bias[2]:
+            raise ArgumentError(
+                f"{named} must pull its tendon by muscle stiffness control: a gain above 0, "
+                "biasprm (b, -gain, 0) and a range of forces"
+            )
+        if actuator.gear[0] != 1.0:
+            raise ArgumentError(f"{named} must have the gear 1, it has {actuator.gear[0]:g}")
+        if actuator.ctrllimited[0]:
+            raise ArgumentError(
+                f"{named} must have no ctrlrange: its commands are lengths of its tendon"
+            )
+        if not actuator.forcelimited[0]:
+            raise ArgumentError(f"{named} has no forcerange")
+        if not low < high <= 0.0:
+            raise ArgumentError(
+                f"the forcerange of {named} must be of tensions, from -T_max to -T_bias, it is "
+                f"from {low:g} to {high:g} N"
+            )
+
+    def _faults(self, name: str) -> Iterator[str]:
+        """What is wrong with the model as a whole."""
+        option = self._model.opt
+        if not 0.0 < option.timestep <= LONGEST_STEP:
+            yield (
+                f"the timestep of {name} is {option.timestep:g} s, but must be above 0 and at most "
+                f"{LONGEST_STEP:g} s"
+            )
+        if option.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+            yield f"the actuation of {name} is disabled by a flag of its option"
+        for joint in self._nominal.joints:
+            here = self._model.joint(joint) if joint in _joint_names(self._model) else None
+            if here is not None and here.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
+                yield f"the joint {joint!r} of {name} must be a hinge, as in the scene"
 
     def edit(self, draft: Draft) -> None:
         """Replace the model, and note gains and encoder offsets of its muscles."""
@@ -133,6 +172,10 @@ class OwnModel:
         offset = (rest - least) / stiffness + _zero(model, nominal.muscles) - nominal.zero
         draft.sensor_errors.length_offset = dict(zip(nominal.muscles, offset.tolist(), strict=True))
         draft.spec = self._spec.copy()
+
+
+def _joint_names(model: mujoco.MjModel) -> set[str]:
+    return {model.joint(i).name for i in range(model.njnt)}
 
 
 def _spec_of(model: object, name: str) -> mujoco.MjSpec:
@@ -153,7 +196,7 @@ def _warn_of_effects(model: object, name: str) -> None:
     """Say which effects of an extended model MuJoCo cannot express, and are left out here."""
     left_out = [
         f"{effect.cause.id} of {', '.join(effect.location.elements) or 'the model'}"
-        for effect in getattr(model, "effects", ())
+        for effect in getattr(model, "effects", None) or ()
     ]
     if left_out:
         logger.warn(

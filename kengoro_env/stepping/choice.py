@@ -58,8 +58,8 @@ def steps_of_many(
     if compiled is None:
         if len(templates) > 1:
             raise ArgumentError(
-                "models for each environment need a C compiler: ask for "
-                'vectorization_mode="sync", which makes single environments'
+                "models for each environment need a C compiler; without one, make a "
+                "gymnasium.vector.SyncVectorEnv of environments with a model each"
             )
         return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
     threads = threads or threads_for(robot, count)

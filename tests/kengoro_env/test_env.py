@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 from kengoro_env.departures import Elongation, HeatingMotors, TendonStretch, actual
 from kengoro_env.env import KengoroEnv
-from kengoro_env.errors import InvalidActionError, KengoroError
+from kengoro_env.errors import ArgumentError, InvalidActionError, KengoroError
 from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.vision.rendering import Painter
 from tests.kengoro_env.environments import make
@@ -488,3 +488,9 @@ def test_a_closed_painter_draws_again() -> None:
     painter.close()
     assert np.array_equal(first, painter.draw(env.robot.data, "outside"))
     painter.close()
+
+
+@pytest.mark.parametrize("camera", ["no", "yes", 1.5, []])
+def test_a_camera_is_wanted_or_not(camera: object) -> None:
+    with pytest.raises(ArgumentError, match="must be True, False or None"):
+        gym.make("kengoro_env:Kengoro/Posture-v0", camera=camera)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -178,12 +179,45 @@ def test_each_environment_renders_its_own_model(nominal: mujoco.MjSpec) -> None:
     assert np.any(images[0] != images[1])
 
 
+def with_slides(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    for joint in spec.joints:
+        joint.type = mujoco.mjtJoint.mjJNT_SLIDE
+    return spec
+
+
+def with_actuators(**values: Any) -> Callable[[mujoco.MjSpec], mujoco.MjSpec]:
+    def change(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+        for name, value in values.items():
+            setattr(spec.actuators[0], name, value)
+        return spec
+
+    return change
+
+
+def with_option(**values: Any) -> Callable[[mujoco.MjSpec], mujoco.MjSpec]:
+    def change(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+        for name, value in values.items():
+            setattr(spec.option, name, value)
+        return spec
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (without_muscle, r"models\[1\] has no actuator"),
         (with_velocity_gain, "must pull its tendon by muscle stiffness control"),
         (with_free_forces, "has no forcerange"),
+        (with_actuators(gear=[-1.0, 0, 0, 0, 0, 0]), "must have the gear 1, it has -1"),
+        (with_actuators(gear=[2.0, 0, 0, 0, 0, 0]), "must have the gear 1, it has 2"),
+        (with_actuators(ctrlrange=[0.0, 0.01], ctrllimited=True), "must have no ctrlrange"),
+        (with_actuators(forcerange=[-10.0, 400.0]), "from -10 to 400 N"),
+        (with_actuators(biasprm=[np.nan, -1.0] + [0.0] * 8), "has a number that is none"),
+        (with_slides, "must be a hinge, as in the scene"),
+        (with_option(timestep=0.1), r"timestep of models\[1\] is 0.1 s"),
+        (with_option(timestep=0.0), "timestep"),
+        (with_option(disableflags=int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)), "is disabled"),
         (lambda _: mujoco.MjSpec(), r"models\[1\] has no tendon"),
         (lambda _: 3, r"models\[1\] must be a mujoco.MjSpec"),
     ],
