@@ -158,10 +158,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._view = _camera_name(robot.model, camera_name, render_mode)
         self._window: Any = None
         self._camera = None
-        if camera not in (None, False, True):
-            raise ArgumentError(f"camera is {camera!r}, but must be True, False or None")
-        if camera and not self.task.has_camera:
-            raise ArgumentError(f"the task {task!r} has no camera: leave camera out or False")
+        _check_camera(camera, self.task, task)
         if self.task.has_camera and camera is not False:
             self._camera = HeadCamera(
                 camera_painter(robot.model, robot.lens, COARSE),
@@ -392,6 +389,13 @@ def _check_names(task: object, render_mode: object) -> None:
     modes = METADATA["render_modes"]
     if render_mode not in (None, *modes):
         raise UnknownNameError("render_mode", render_mode, modes)
+
+
+def _check_camera(camera: object, task: Task, name: str) -> None:
+    if camera not in (None, False, True):
+        raise ArgumentError(f"camera is {camera!r}, but must be True, False or None")
+    if camera and not task.has_camera:
+        raise ArgumentError(f"the task {name!r} has no camera: leave camera out or False")
 
 
 def _camera_name(model: mujoco.MjModel, name: object, render_mode: str | None) -> str:

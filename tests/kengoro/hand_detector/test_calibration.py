@@ -44,8 +44,8 @@ def test_the_regions_of_a_calibration_hold_the_errors() -> None:
     for _ in range(4000):
         size = random.lognormal(0.0, 0.5)  # of both alike: a few hands are bad in all
         claimed = np.diag(random.uniform(0.5, 2.0, 6)) ** 2 * 1e-4
-        drawn = size * np.sqrt(np.diag(claimed)) * random.normal(size=6)
-        errors.append(PoseDeviation(drawn * np.repeat([3.0, 5.0], 3), claimed))
+        error = size * np.sqrt(np.diag(claimed)) * random.normal(size=6)
+        errors.append(PoseDeviation(error * np.repeat([3.0, 5.0], 3), claimed))
     found = calibrated(model, 0.9, errors)
     factors = np.repeat([found.position_factor, found.rotation_factor], 3)
     for part, degrees in ((slice(0, 3), 3), (slice(3, 6), 3), (slice(0, 6), 6)):
