@@ -160,12 +160,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._camera = None
         _check_camera(camera, self.task, task)
         if self.task.has_camera and camera is not False:
-            self._camera = HeadCamera(
-                camera_painter(robot.model, robot.lens, COARSE),
-                robot.frame_delay,
-                tendons=True,
-                times=robot.frame_times,
-            )
+            self._camera = _head_camera(robot)
         self.bounds = length_bounds(self.task.scene)
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self._action_shape = (len(self._entries),)
@@ -389,6 +384,11 @@ def _check_names(task: object, render_mode: object) -> None:
     modes = METADATA["render_modes"]
     if render_mode not in (None, *modes):
         raise UnknownNameError("render_mode", render_mode, modes)
+
+
+def _head_camera(robot: Robot) -> HeadCamera:
+    painter = camera_painter(robot.model, robot.lens, COARSE)
+    return HeadCamera(painter, robot.frame_delay, tendons=True, times=robot.frame_times)
 
 
 def _check_camera(camera: object, task: Task, name: str) -> None:
