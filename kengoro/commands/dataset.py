@@ -18,7 +18,7 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bar
 
-from kengoro.demonstrations.dataset import Plan, Progress, make_datasets
+from kengoro.demonstrations.dataset import Plan, Progress, claim, make_datasets
 from kengoro.demonstrations.minari import NAME
 from kengoro.demonstrations.robot import MOST
 from kengoro.errors import UsageError
@@ -49,6 +49,7 @@ def main(args: Args) -> None:
     """Make the data sets, and print what is in them."""
     console = Console()
     plan = plan_of(args)
+    claim(args.out, plan)
     with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_map()
     with _bar(args.episodes) as progress:
@@ -75,7 +76,9 @@ def plan_of(args: Args) -> Plan:
     if last < first:
         raise UsageError(f"Robots are {args.robots!r}; give one such as 3 or a range such as 0-9.")
     count = last - first + 1
-    if args.episodes < 1 or args.episodes % count:
+    if args.episodes < 1:
+        raise UsageError(f"Episodes are {args.episodes}, but at least 1 is needed.")
+    if args.episodes % count:
         raise UsageError(
             f"Episodes are {args.episodes}, but must be a multiple of the {count} robots."
         )

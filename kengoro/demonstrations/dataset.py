@@ -4,25 +4,32 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from kengoro.demonstrations.frames import open_frames
+from kengoro.demonstrations.damage import damaged
+from kengoro.demonstrations.episode import frame_stride
+from kengoro.demonstrations.frames import count_frames, open_frames
 from kengoro.demonstrations.lerobot import video_path, write_lerobot
-from kengoro.demonstrations.minari import write_minari
+from kengoro.demonstrations.minari import NAME, write_minari
 from kengoro.demonstrations.robot import grasps, learned_agent, no_stage
 from kengoro.demonstrations.robot_file import RobotEpisodes, read_robot, write_robot
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
 from kengoro.robots import make_env
 from kengoro_env.env import KengoroEnv
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from mjcf_sandbox.files import check_folder, remove_parts, write_json
 from mjcf_sandbox.parent_watchdog import end_with_parent
 
 Progress = Callable[[str, float], None]
 """Called with what is done, and by how many episodes it has advanced."""
+
+FOLDERS = ("robots", "lerobot/data", "lerobot/meta/episodes", f"minari/{NAME}/data")
+"""Folders of the files that are written."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +63,20 @@ def make_datasets(
         What the robots did.
 
     Raises:
-        UsageError: the folder holds other data, or a file in it is damaged.
+        UsageError: the folder holds other data, or a robot's file that cannot be used; all that
+            exist are read before another robot learns.
+        OutputError: a file is where a folder belongs.
     """
     claim(out, plan)
     _remove_parts(out)
-    missing = [i for i in range(len(plan.robots)) if not _is_done(plan, out, i)]
-    for position in range(len(plan.robots)):
-        if position not in missing:
-            progress(f"robot {plan.robots[position]} was there", plan.episodes)
+    positions = range(len(plan.robots))
+    there = {i: read_done(plan, out, i) for i in positions if _is_done(plan, out, i)}
+    for position in there:
+        progress(f"robot {plan.robots[position]} was there", plan.episodes)
+    missing = [i for i in positions if i not in there]
     _run(plan, out, missing, progress, jobs, cache)
-    found = [read_robot(robot_path(out, robot)) for robot in plan.robots]
+    there |= {i: read_done(plan, out, i) for i in missing}
+    found = [there[i] for i in positions]
     env = make_env("CanGrasp", None)
     world = env.unwrapped
     assert isinstance(world, KengoroEnv)
@@ -76,20 +87,39 @@ def make_datasets(
 
 
 def claim(out: Path, plan: Plan) -> None:
-    """Note in the folder what it is for; refuse one that is for other data."""
-    check_folder(out)
+    """Note in the folder what it is for, and make its folders; refuse one that is for other data.
+
+    Raises:
+        UsageError: the folder holds other data, or one in it cannot be made or written to.
+        OutputError: a file is where a folder belongs.
+    """
+    folders = (out, *(out / name for name in FOLDERS), video_path(out / "lerobot", 0).parent)
+    for folder in folders:
+        check_folder(folder)
     path = out / "dataset.json"
     wanted = json.loads(json.dumps(asdict(plan)))
     if path.exists():
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise UsageError(f"{path} is damaged; choose another folder.") from error
         if stored != wanted:
             raise UsageError(f"{out} holds other robots or episodes; choose another folder.")
     elif out.exists() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty, and holds no data set; choose another folder.")
+    _make_folder(out)
     write_json(path, wanted)
+    for folder in folders:
+        _make_folder(folder)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"The folder {folder} cannot be made: {error.strerror}.") from error
+    if not os.access(folder, os.W_OK):
+        raise UsageError(f"The folder {folder} cannot be written to.")
 
 
 def robot_path(out: Path, robot: int) -> Path:
@@ -142,6 +172,22 @@ def _run(
 def _is_done(plan: Plan, out: Path, position: int) -> bool:
     files = (robot_path(out, plan.robots[position]), video_path(out / "lerobot", position))
     return all(path.exists() for path in files)
+
+
+def read_done(plan: Plan, out: Path, position: int) -> RobotEpisodes:
+    """What a robot did, from its file; its video is checked to hold a frame for each row.
+
+    Raises:
+        UsageError: one of both is damaged, or is not that of the plan.
+    """
+    robot = plan.robots[position]
+    found = read_robot(robot_path(out, robot), robot, plan.episodes)
+    stride = frame_stride(CONTROL_PERIOD)
+    wanted = sum(-(-len(episode) // stride) for episode in found.episodes)
+    video = video_path(out / "lerobot", position)
+    if (count := count_frames(video)) != wanted:
+        raise damaged(video, f"holds another number of frames: {count}, not {wanted}")
+    return found
 
 
 def _remove_parts(out: Path) -> None:

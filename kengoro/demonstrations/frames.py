@@ -11,6 +11,7 @@ import imageio.v2 as imageio
 import numpy as np
 
 from jmm_agent.types import Ints
+from kengoro.demonstrations.damage import damaged
 from kengoro_env.vision.head_camera import PERIOD
 from kengoro_env.vision.rendering import Image
 from mjcf_sandbox.files import whole_file
@@ -47,6 +48,20 @@ class FrameWriter:
         """Number of pixels by channel and value since the last call, shape (3, 256)."""
         found, self._histogram = self._histogram, np.zeros_like(self._histogram)
         return found
+
+
+def count_frames(path: Path) -> int:
+    """Number of frames that can be read from a video.
+
+    Raises:
+        UsageError: the file is no video, or is damaged.
+    """
+    try:
+        reader: Any = imageio.get_reader(path)
+        with closing(reader):
+            return sum(1 for _ in reader)
+    except Exception as error:  # imageio and its plugins raise errors of many kinds
+        raise damaged(path) from error
 
 
 def _thin(frame: Image) -> Image:

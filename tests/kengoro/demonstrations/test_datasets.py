@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +16,12 @@ import pyarrow.parquet as parquet
 import pytest
 
 from kengoro.__main__ import main
+from kengoro.commands import dataset as command
 from kengoro.commands.dataset import Args, plan_of
 from kengoro.demonstrations import dataset
 from kengoro.demonstrations.dataset import Plan, claim, make_datasets, robot_path
 from kengoro.demonstrations.episode import Recorder
+from kengoro.demonstrations.frames import open_frames
 from kengoro.demonstrations.lerobot import VIDEO, video_path
 from kengoro.demonstrations.minari import NAME
 from kengoro.demonstrations.robot import episode_seed
@@ -29,6 +35,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
 from kengoro.robots import make_env
 from kengoro_env.departures import actual
+from mjcf_sandbox.errors import OutputError
 from reality_gap.io.lerobot import unpack_dataset
 from tests.kengoro.demonstrations.small_dataset import (
     FRAMES,
@@ -123,15 +130,122 @@ def test_the_same_frames_and_episodes_give_the_same_bits(written: Path, tmp_path
 def test_a_robots_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     found = made_robot(tmp_path, 1)
     write_robot(tmp_path / "6.npz", found)
-    again = read_robot(tmp_path / "6.npz")
+    again = read_robot(tmp_path / "6.npz", 6, 2)
     assert again.robot == 6
     for one, other in zip(found.episodes, again.episodes, strict=True):
         for name, values in one.arrays().items():
             np.testing.assert_array_equal(other.arrays()[name], values)
-    content = (tmp_path / "6.npz").read_bytes()
-    (tmp_path / "6.npz").write_bytes(content[: len(content) // 2])
-    with pytest.raises(UsageError, match="is damaged; remove it"):
-        read_robot(tmp_path / "6.npz")
+
+
+def _flip(path: Path, number: int) -> None:
+    content = bytearray(path.read_bytes())
+    rng = np.random.default_rng(number)
+    for index in rng.integers(len(content), size=40):
+        content[index] ^= 0xFF
+    path.write_bytes(content)
+
+
+def _cut(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+
+
+def _plain(path: Path) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.arange(5))
+
+
+def _shorter(path: Path) -> None:
+    """One array of an episode loses a row."""
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    arrays["1/lengths"] = arrays["1/lengths"][:-1]
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def _some_episodes(path: Path, number: int) -> None:
+    found = made_robot(path.parent / "other", 1)
+    write_robot(path, RobotEpisodes(6, found.episodes[:number], found.histograms[:number]))
+
+
+def _other_robot(path: Path) -> None:
+    write_robot(path, made_robot(path.parent / "other", 0))
+
+
+DAMAGE: list[tuple[str, Callable[[Path], object]]] = [
+    ("is damaged", lambda path: path.write_bytes(b"")),
+    ("is damaged", _cut),
+    ("is damaged", _plain),
+    ("is damaged", _shorter),
+    ("is damaged", _folder),
+    *(("is damaged", partial(_flip, number=number)) for number in range(8)),
+    ("holds another number of episodes: 0, not 2", partial(_some_episodes, number=0)),
+    ("holds another number of episodes: 1, not 2", partial(_some_episodes, number=1)),
+    ("holds robot 5, not 6", _other_robot),
+]
+
+
+@pytest.mark.parametrize(("what", "damage"), DAMAGE)
+def test_a_robots_file_with_damage_is_named_to_be_removed(
+    what: str, damage: Callable[[Path], object], tmp_path: Path
+) -> None:
+    path = tmp_path / "6.npz"
+    write_robot(path, made_robot(tmp_path, 1))
+    damage(path)
+    sentence = f"{path} {what}; remove it, and this robot runs again."
+    with pytest.raises(UsageError, match=f"^{re.escape(sentence)}$"):
+        read_robot(path, 6, 2)
+
+
+def _short_video(path: Path) -> None:
+    with open_frames(path) as video:
+        video.add(frame_of(0, 0))
+
+
+@pytest.mark.parametrize(
+    ("file", "what", "damage"),
+    [
+        ("video", "is damaged", lambda path: path.write_bytes(b"")),
+        ("video", "is damaged", _cut),
+        ("video", "holds another number of frames: 1, not 5", _short_video),
+        ("robot", "is damaged", lambda path: path.write_bytes(b"")),
+        ("robot", "holds robot 5, not 6", _other_robot),
+    ],
+)
+def test_damage_is_found_before_another_robot_learns(
+    file: str,
+    what: str,
+    damage: Callable[[Path], object],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out = tmp_path / "out"
+    plan = Plan((5, 6), 2)
+    claim(out, plan)
+    write_robot(robot_path(out, 6), made_robot(out / "lerobot", 1))
+    path = video_path(out / "lerobot", 1) if file == "video" else robot_path(out, 6)
+    damage(path)
+    ran: list[int] = []
+
+    def run_robot(plan: Plan, out: Path, position: int, *_: Any) -> None:
+        ran.append(position)
+        robot = made_robot(out / "lerobot", position)
+        write_robot(robot_path(out, robot.robot), robot)
+
+    monkeypatch.setattr(dataset, "run_robot", run_robot)
+    sentence = f"{path} {what}; remove it, and this robot runs again."
+    with pytest.raises(UsageError, match=f"^{re.escape(sentence)}$"):
+        make_datasets(plan, out, lambda text, by: None)
+    assert ran == []
+    path.unlink()
+    make_datasets(plan, out, lambda text, by: None)
+    assert ran == [0, 1]
 
 
 def test_a_recorder_keeps_observations_before_and_after_each_action() -> None:
@@ -193,6 +307,34 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b" / "letter.txt").write_text("dear reader")
     with pytest.raises(UsageError, match="holds no data set"):
         claim(tmp_path / "b", Plan((1, 2), 3))
+    (tmp_path / "c" / "dataset.json").mkdir(parents=True)
+    with pytest.raises(UsageError, match="is damaged; choose another folder"):
+        claim(tmp_path / "c", Plan((1, 2), 3))
+
+
+@pytest.mark.parametrize(
+    "file", ["robots", "minari", "lerobot/meta", "lerobot/data", "lerobot/videos"]
+)
+def test_a_file_where_a_folder_belongs_is_named_before_a_robot_learns(
+    file: str, tmp_path: Path
+) -> None:
+    claim(tmp_path / "a", Plan((1, 2), 3))
+    path = tmp_path / "a" / file
+    shutil.rmtree(path)
+    path.write_text("no folder")
+    with pytest.raises(OutputError, match=f"{re.escape(str(path))} is no folder"):
+        claim(tmp_path / "a", Plan((1, 2), 3))
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs Linux")
+def test_a_folder_that_cannot_be_made_is_one_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "trained_map", lambda: pytest.fail("it learns"))
+    assert main(["dataset", "--out", "/proc/none"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("The folder /proc/none cannot be made: ")
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -204,7 +346,8 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path) -> None:
             ["--robots", "0-2", "--episodes", "10"],
             "Episodes are 10, but must be a multiple of the 3 robots.",
         ),
-        (["--episodes", "0"], "Episodes are 0, but must be a multiple of the 20 robots."),
+        (["--episodes", "0"], "Episodes are 0, but at least 1 is needed."),
+        (["--robots", "7", "--episodes", "-3"], "Episodes are -3, but at least 1 is needed."),
         (["--jobs", "0"], "Jobs are 0, but at least 1 is needed."),
     ],
 )
