@@ -69,6 +69,7 @@ RUNNERS = {
     "lab-faults": Runner("killed processes and broken lines: who stops the robot, how soon"),
     "learn-posture": Runner("reinforcement learning from the reward alone"),
     "clone-grasp": Runner("grasps cloned from robots that have learned, on other robots"),
+    "posterior-policy": Runner("policies trained on what a diagnosis leaves open"),
     "learnability": Runner("what can be learned from which data, and the lower bound"),
     "reported": Runner("adds logged runs on reporting seeds to experiments/REPORTED.csv"),
 }

@@ -131,11 +131,15 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 
 def diagnose_robot(seed: int, postures: Floats, sizes: Sizes) -> Diagnosis:
     """Record an actual robot that visits postures, shape (K, n) [rad], and diagnose it."""
+    with tempfile.TemporaryDirectory() as folder:
+        return diagnose(load_study(record_robot(seed, postures, sizes, Path(folder))))
+
+
+def record_robot(seed: int, postures: Floats, sizes: Sizes, folder: Path) -> Path:
+    """Record an actual robot that visits postures, shape (K, n) [rad]; the path of the study."""
     arm = whole_arm()
     recording = record_episode(arm, seed, Tour(postures, sizes.go, sizes.stay), seed)
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_study(Path(folder), "head and arm", arm.scene, [recording])
-        return diagnose(load_study(path))
+    return write_study(folder, "head and arm", arm.scene, [recording])
 
 
 def map_of(diagnosis: Diagnosis) -> JointMuscleMap:

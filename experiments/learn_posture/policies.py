@@ -8,7 +8,7 @@ antagonistic muscles to pull against each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from math import ceil
@@ -22,6 +22,7 @@ from experiments.harness.errors import ExperimentError
 from jmm_agent.types import Floats
 from kengoro.trained_maps import nominal_model
 from kengoro_env.env import KengoroEnv
+from kengoro_env.robot.own_model import Model
 from kengoro_env.vector import KengoroVectorEnv
 
 ID = "Kengoro/Posture-v0"
@@ -86,10 +87,12 @@ class Sizes:
 
 
 class Score(NamedTuple):
-    """Scores of K episodes: mean reward of a step, and share of steps with success."""
+    """Scores of K episodes: mean reward of a step, share of steps with success, and mean of the
+    measured tensions [N]."""
 
     reward: list[float]
     success: list[float]
+    tension: list[float]
 
 
 def one_arm(robot: int | None) -> KengoroEnv:
@@ -99,9 +102,16 @@ def one_arm(robot: int | None) -> KengoroEnv:
     return env
 
 
-def many_arms(robot: int | None, count: int, steps: int) -> KengoroVectorEnv:
-    """``count`` environments with episodes of ``steps``, stepped by one thread."""
-    envs = gym.make_vec(ID, count, robot_seed=robot, max_episode_steps=steps, threads=1)
+def many_arms(
+    robot: int | None, count: int, steps: int, models: Sequence[Model] | None = None
+) -> KengoroVectorEnv:
+    """``count`` environments with episodes of ``steps``, stepped by one thread.
+
+    Each is a clone of the robot, or has its own one of ``models``, as many as environments.
+    """
+    envs = gym.make_vec(
+        ID, count, robot_seed=robot, max_episode_steps=steps, threads=1, models=models
+    )
     assert isinstance(envs, KengoroVectorEnv)
     return envs
 
@@ -160,16 +170,17 @@ def judge(policy: Policy, robot: int | None, episodes: int, steps: int) -> Score
     """Score of a policy in evaluation episodes, which are the same for every policy."""
     envs = many_arms(robot, episodes, steps)
     observed, _ = envs.reset(seed=HELD_OUT)
-    rewards, successes = np.zeros(episodes), np.zeros(episodes)
+    rewards, successes, tensions = np.zeros((3, episodes))
     going = np.ones(episodes, dtype=bool)
     for _ in range(steps):
         actions = policy(observed).astype(np.float32)
         observed, reward, terminated, _, info = envs.step(actions)
         rewards += np.where(going, reward, 0.0)
         successes += going & info["success"]
+        tensions += observed["tensions"].mean(axis=1)
         going &= ~terminated
     envs.close()
-    return Score((rewards / steps).tolist(), (successes / steps).tolist())
+    return Score(*((sums / steps).tolist() for sums in (rewards, successes, tensions)))
 
 
 def judge_others(robot: int | None, sizes: Sizes) -> dict[str, Any]:
@@ -204,8 +215,7 @@ def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
     arms = many_arms(sizes.robot, sizes.environments, SHORT)
     envs = normalised(Sb3Envs(arms, "target", commanded, HELD), gamma=COMMON["gamma"])
     envs.seed(seed * sizes.environments)
-    settings = deepcopy({**COMMON, **MANY[algorithm]})  # Stable-Baselines3 writes into them
-    settings["policy_kwargs"]["activation_fn"] = torch.nn.Tanh
+    settings = settings_of(algorithm, torch)
     model = algorithms[algorithm]("MlpPolicy", envs, seed=seed, device="cpu", **settings)
 
     def policy(observed: Observations) -> Actions:
@@ -222,6 +232,13 @@ def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
     whole = judge(policy, sizes.robot, sizes.whole, WHOLE)
     envs.close()
     return {"steps": steps, "short": rewards, "whole": whole._asdict()}
+
+
+def settings_of(algorithm: str, torch: Any) -> dict[str, Any]:
+    """Settings of an algorithm, a key of `MANY`, which Stable-Baselines3 may write into."""
+    settings = deepcopy({**COMMON, **MANY[algorithm]})
+    settings["policy_kwargs"]["activation_fn"] = torch.nn.Tanh
+    return settings
 
 
 def libraries() -> tuple[dict[str, Any], Any, Any]:

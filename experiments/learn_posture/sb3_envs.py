@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
-
-from kengoro_env.vector import KengoroVectorEnv
 
 Values = NDArray[Any]
 
 
 class Sb3Envs(VecEnv):
-    """A `KengoroVectorEnv` for Stable-Baselines3, with one entry of the observation.
+    """A `KengoroVectorEnv` for Stable-Baselines3, perhaps with one entry of the observation.
 
     Args:
-        envs: made by ``gymnasium.make_vec``.
-        observed: name of the entry of the observation, of shape (k,).
+        envs: made by ``gymnasium.make_vec``, perhaps in a wrapper.
+        observed: name of the entry of the observation, of shape (k,); None: observations are not a
+            dict but an array, as those of `ScaledVectorObservation`.
         commanded: maps a policy's actions, shape (num_envs, m) in [-1, 1], to those of ``envs``.
         held: number of steps of ``envs`` for which an action is held; rewards are their sums. The
             length of episodes must be a multiple of it.
@@ -32,8 +32,8 @@ class Sb3Envs(VecEnv):
 
     def __init__(
         self,
-        envs: KengoroVectorEnv,
-        observed: str,
+        envs: VectorEnv[Any, Any, Any],
+        observed: str | None,
         commanded: Callable[[Values], Values],
         held: int = 1,
     ) -> None:
@@ -41,14 +41,16 @@ class Sb3Envs(VecEnv):
         self._held = held
         self._actions = np.zeros(envs.action_space.shape or ())
         observations = envs.single_observation_space
-        assert isinstance(observations, spaces.Dict)
-        super().__init__(envs.num_envs, observations[observed], envs.single_action_space)
+        if observed is not None:
+            assert isinstance(observations, spaces.Dict)
+            observations = observations[observed]
+        super().__init__(envs.num_envs, observations, envs.single_action_space)
 
     def reset(self) -> Values:
         """Start an episode in each environment, with the seeds that `seed` set."""
         observations, _ = self.envs.reset(seed=self._seeds)
         self._reset_seeds()
-        return observations[self._observed]
+        return self._entry(observations)
 
     def step_async(self, actions: Values) -> None:
         """Store the actions for `step_wait`."""
@@ -66,12 +68,16 @@ class Sb3Envs(VecEnv):
             for i in np.flatnonzero(~ended):
                 infos[i]["success"] = bool(info["success"][i])
             for i in np.flatnonzero(ends):
-                infos[i]["terminal_observation"] = observations[self._observed][i]
+                infos[i]["terminal_observation"] = self._entry(observations)[i]
                 infos[i]["TimeLimit.truncated"] = bool(truncated[i])
             ended |= ends
         if ended.any():
             observations, _ = self.envs.reset(options={"reset_mask": ended})
-        return observations[self._observed], total, ended, infos
+        return self._entry(observations), total, ended, infos
+
+    def _entry(self, observations: Any) -> Values:
+        entry: Values = observations if self._observed is None else observations[self._observed]
+        return entry
 
     def close(self) -> None:
         """Close the environments."""
