@@ -425,3 +425,16 @@ def test_what_is_no_folder_of_a_diagnosis_is_refused(folder: Path, tmp_path: Pat
     for given in (folder / "posterior.json", tmp_path / "wrong", none):
         with pytest.raises(StudyError, match="the folder of a diagnosis"):
             load_posterior(given)
+
+
+def test_the_command_says_where_samples_cannot_be_written(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    used, file = tmp_path / "used", tmp_path / "file"
+    used.mkdir()
+    (used / "notes").touch()
+    file.touch()
+
+    for out, message in ((used, "used is not empty"), (file / "x", "x is in a file")):
+        assert main(["sample", str(folder), "--out", str(out)]) == 2
+        assert message in capsys.readouterr().err
