@@ -427,7 +427,7 @@ def test_what_is_no_folder_of_a_diagnosis_is_refused(folder: Path, tmp_path: Pat
             load_posterior(given)
 
 
-def test_the_command_says_where_samples_cannot_be_written(
+def test_folders_that_samples_cannot_use_are_refused(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     used, file = tmp_path / "used", tmp_path / "file"
