@@ -72,12 +72,13 @@ class Extended:
 
 
 def _check_location(location: Location, study: Study) -> None:
-    known = list(_names(location.kind, study.spec()))
+    known = list(names(location.kind, study.spec()))
     for name in location.elements:
         if location.kind != "model" and name not in known:
             raise UnknownNameError(f"{location.kind} of the study's model", name, known)
 
 
-def _names(kind: str, spec: mujoco.MjSpec) -> Iterable[str]:
+def names(kind: str, spec: mujoco.MjSpec) -> Iterable[str]:
+    """Return the names of all elements of a kind, as of "body"."""
     plural = {"body": "bodies"}.get(kind, f"{kind}s")
     return (element.name for element in getattr(spec, plural, ()))

@@ -3,11 +3,13 @@
 A position servo of MuJoCo with the gain k, the bias (0, -k, -d) and the gear g acts on its joint
 like a drive of the stiffness k g^2 and the damping d g^2, whose target is the command over g. The
 dry friction of the joint, its viscous friction and its armature belong to the joint in MuJoCo, and
-to the actuator there. All numbers are in SI units with radians, as in both configurations.
+to the actuator there. All numbers are in SI units with radians, as in both configurations, whose
+names are regular expressions: the characters of a name that mean something there are escaped.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +18,9 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.support.lugre import SLIDING
+from reality_gap.errors import StudyError
 from reality_gap.report.engines import friction_of
+from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,10 @@ class ActuatorConfigs:
 
 @dataclass(frozen=True)
 class _Drive:
-    """A position servo, seen at its joint or tendon, in SI units."""
+    """A position servo, seen at its joint or tendon, in SI units.
+
+    ``element`` is the name of the joint or tendon, ``pattern`` the regular expression of it.
+    """
 
     element: str
     on_tendon: bool
@@ -46,12 +53,19 @@ class _Drive:
     friction: float
     viscous: float
 
+    @property
+    def pattern(self) -> str:
+        return re.escape(self.element)
+
 
 def isaac_lab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
     """Return the arguments of an ``ImplicitActuatorCfg`` for all joints that servos move.
 
     Args:
         spec: the model, such as ``load_extended(folder).spec``; it is not edited.
+
+    Raises:
+        StudyError: ``spec`` is something else.
     """
     lacking: list[str] = []
     drives = []
@@ -62,15 +76,15 @@ def isaac_lab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
             drives.append(drive)
     if not drives:
         return ActuatorConfigs((), tuple(lacking))
-    limits = {d.element: d.limit for d in drives if d.limit is not None}
+    limits = {d.pattern: d.limit for d in drives if d.limit is not None}
     arguments: dict[str, Any] = {
-        "joint_names_expr": [drive.element for drive in drives],
-        "stiffness": {drive.element: drive.stiffness for drive in drives},
-        "damping": {drive.element: drive.damping for drive in drives},
-        "armature": {drive.element: drive.armature for drive in drives},
-        "friction": {drive.element: drive.friction for drive in drives},
-        "dynamic_friction": {drive.element: drive.friction for drive in drives},
-        "viscous_friction": {drive.element: drive.viscous for drive in drives},
+        "joint_names_expr": [drive.pattern for drive in drives],
+        "stiffness": {drive.pattern: drive.stiffness for drive in drives},
+        "damping": {drive.pattern: drive.damping for drive in drives},
+        "armature": {drive.pattern: drive.armature for drive in drives},
+        "friction": {drive.pattern: drive.friction for drive in drives},
+        "dynamic_friction": {drive.pattern: drive.friction for drive in drives},
+        "viscous_friction": {drive.pattern: drive.viscous for drive in drives},
     }
     if limits:
         arguments["effort_limit_sim"] = limits
@@ -82,11 +96,14 @@ def mjlab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
 
     Args:
         spec: the model, such as ``load_extended(folder).spec``; it is not edited.
+
+    Raises:
+        StudyError: ``spec`` is something else.
     """
     lacking: list[str] = []
     arguments = tuple(
         {
-            "target_names_expr": (drive.element,),
+            "target_names_expr": (drive.pattern,),
             "transmission_type": "tendon" if drive.on_tendon else "joint",
             "stiffness": drive.stiffness,
             "damping": drive.damping,
@@ -101,7 +118,12 @@ def mjlab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
 
 
 def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
-    """Yield the servos of a model; add a sentence on each actuator that is none to ``lacking``."""
+    """Yield a servo for each joint and tendon; add what is not in it to ``lacking``."""
+    if not isinstance(spec, mujoco.MjSpec):
+        raise StudyError(
+            "spec must be a mujoco.MjSpec, such as load_extended(folder).spec, "
+            f"not of the type {type(spec).__name__}"
+        )
     model, added = spec.compile(), dict[str, float]()
     frictions = set()
     for actuator in spec.actuators:
@@ -111,6 +133,7 @@ def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
             key = f"{type(element).__name__} {element.name}"
             added[key] = added.get(key, 0.0) + force
             frictions.add(actuator.name)
+    driven = set()
     for i in range(model.nactuator):
         name = model.actuator(i).name
         if name in frictions:
@@ -120,16 +143,32 @@ def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
             lacking.append(f"the actuator {name} {reason}")
             continue
         drive = _drive(model, i, added)
+        if (drive.on_tendon, drive.element) in driven:
+            lacking.append(f"the actuator {name} is a second servo of {drive.element}")
+            continue
+        driven.add((drive.on_tendon, drive.element))
         yield drive
-        if abs(float(model.actuator_biasprm[i, 0])) > 0.0:
-            force = float(model.actuator_biasprm[i, 0])
-            lacking.append(f"the actuator {name} adds a constant force of {force:.4g} N or N m")
-        low, high = model.actuator_forcerange[i]
-        if model.actuator_forcelimited[i] and not np.isclose(low, -high):
-            lacking.append(f"the forces of the actuator {name} are from {low:.4g} to {high:.4g}")
-        if abs(float(model.actuator_gear[i, 0])) != 1.0:
-            gear = float(model.actuator_gear[i, 0])
-            lacking.append(f"commands of {name} are {gear:.4g} times those of its element")
+        lacking.extend(_lost(model, i))
+
+
+def _lost(model: mujoco.MjModel, i: int) -> Iterator[str]:
+    """Yield a sentence on each property of a servo that its configuration lacks."""
+    name, gear = model.actuator(i).name, float(model.actuator_gear[i, 0])
+    constant = float(model.actuator_biasprm[i, 0])
+    if constant:
+        yield f"the actuator {name} adds a constant force of {constant:.4g} N or N m"
+    low, high = model.actuator_forcerange[i]
+    if model.actuator_forcelimited[i] and not np.isclose(low, -high):
+        yield f"the forces of the actuator {name} are from {low:.4g} to {high:.4g}"
+    low, high = _element_range(model, i)
+    if np.isfinite(high) and not np.isclose(low, -high):
+        element = _element(model, i)[1]
+        yield f"the forces of all actuators of {element} are from {low:.4g} to {high:.4g}"
+    if model.actuator_ctrllimited[i]:
+        low, high = model.actuator_ctrlrange[i]
+        yield f"commands of {name} are limited to {low:.4g} to {high:.4g}"
+    if gear != 1.0:
+        yield f"commands of {name} are {gear:.4g} times those of its element"
 
 
 def _not_a_servo(model: mujoco.MjModel, i: int) -> str:
@@ -144,32 +183,67 @@ def _not_a_servo(model: mujoco.MjModel, i: int) -> str:
         return "is no position servo"
     if not np.isclose(gain[0], -bias[1]):
         return "scales its commands, by a gain other than its stiffness"
+    if bias[1] > 0.0 or bias[2] > 0.0:
+        return "has a negative stiffness or damping"
     if int(model.actuator_dyntype[i]) != int(mujoco.mjtDyn.mjDYN_NONE):
         return "has a state, as a filter of commands"
+    return _unusable_element(model, i)
+
+
+def _unusable_element(model: mujoco.MjModel, i: int) -> str:
+    """Return why the joint or tendon of a servo has no drive; empty if it can have one."""
+    on_tendon, name, index = _element(model, i)
+    simple = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    if not on_tendon and int(model.jnt_type[index]) not in simple:
+        return f"moves {name}, which is neither a hinge nor a slide"
+    if not name:
+        return f"moves a {'tendon' if on_tendon else 'joint'} without a name"
+    if not model.actuator_gear[i, 0]:
+        return f"does not move {name}, with a gear of 0"
     return ""
+
+
+def _element(model: mujoco.MjModel, i: int) -> tuple[bool, str, int]:
+    """Return whether an actuator pulls a tendon, and the name and index of its tendon or joint."""
+    on_tendon = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+    index = int(model.actuator_trnid[i, 0])
+    return on_tendon, (model.tendon if on_tendon else model.joint)(index).name, index
+
+
+def _element_range(model: mujoco.MjModel, i: int) -> Floats:
+    """Return the limits of all forces on an actuator's joint or tendon, shape (2,) [N or N m]."""
+    on_tendon, _, index = _element(model, i)
+    kind = "tendon" if on_tendon else "jnt"
+    if not getattr(model, f"{kind}_actfrclimited")[index]:
+        return np.array([-np.inf, np.inf])
+    return np.asarray(getattr(model, f"{kind}_actfrcrange")[index])
+
+
+def _limit(model: mujoco.MjModel, i: int) -> float | None:
+    """Return the largest force of a servo on its joint or tendon; None without a limit."""
+    ends = np.array([-np.inf, np.inf])
+    if model.actuator_forcelimited[i]:
+        ends = model.actuator_forcerange[i] * model.actuator_gear[i, 0]
+    limit = float(np.abs(np.clip(ends, *_element_range(model, i))).max())
+    return limit if np.isfinite(limit) else None
 
 
 def _drive(model: mujoco.MjModel, i: int, added: dict[str, float]) -> _Drive:
     """Return a servo, seen at its joint or tendon."""
-    gear = abs(float(model.actuator_gear[i, 0]))
-    on_tendon = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_TENDON)
-    target = int(model.actuator_trnid[i, 0])
-    kind, name = ("tendon", model.tendon(target).name) if on_tendon else ("dof", "")
-    at = target
-    if not on_tendon:
-        name, at = model.joint(target).name, int(model.jnt_dofadr[target])
+    gear = float(model.actuator_gear[i, 0])
+    on_tendon, name, index = _element(model, i)
+    kind, at = ("tendon", index) if on_tendon else ("dof", int(model.jnt_dofadr[index]))
     armature, friction, viscous = (
         float(np.ravel(getattr(model, f"{kind}_{field}")[at])[0])
         for field in ("armature", "frictionloss", "damping")
     )
     key = f"{'MjsTendon' if on_tendon else 'MjsJoint'} {name}"
-    limited = bool(model.actuator_forcelimited[i])
     return _Drive(
         element=name,
         on_tendon=on_tendon,
         stiffness=float(model.actuator_gainprm[i, 0]) * gear**2,
         damping=-float(model.actuator_biasprm[i, 2]) * gear**2,
-        limit=float(np.abs(model.actuator_forcerange[i]).max()) * gear if limited else None,
+        limit=_limit(model, i),
         armature=armature,
         friction=friction + added.get(key, 0.0),
         viscous=viscous,

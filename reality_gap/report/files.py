@@ -114,9 +114,11 @@ def write_samples(posterior: Posterior, n: int, seed: int, out: Path | str) -> l
         StudyError: ``out`` cannot be used, or a number is out of its range.
     """
     out, original = Path(out), posterior.system.study.model
-    check_out(out)
-    if out.exists() and any(out.iterdir()):
+    if out.is_dir() and any(out.iterdir()):
         raise StudyError(f"{out} is not empty; choose a new or empty folder")
+    if any(parent.is_file() for parent in out.parents):
+        raise StudyError(f"{out} is in a file; choose a folder in a folder")
+    check_out(out)
     samples = posterior.sample(n, seed)
     folders = [out / f"sample_{i:03d}" for i in range(len(samples))]
     for sample, folder in zip(samples, folders, strict=True):

@@ -17,6 +17,7 @@ Keys of the file, with all numbers in SI units:
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ import numpy as np
 from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.errors import StudyError, UnknownNameError
+from reality_gap.extended import names
+from reality_gap.io.loader import MAX_STEPS
 from reality_gap.posterior import Branch, Posterior
 from reality_gap.report.verdict_json import location_json
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
@@ -40,6 +43,7 @@ from reality_gap.study.system import commanded, compile_system
 from reality_gap.types import Floats
 
 JSON, MODEL = "posterior.json", "nominal.xml"
+KINDS = ("tendon", "joint", "site", "body", "sensor", "actuator", "camera", "model")
 NUMBERS = ("value", "null", "scale", "low", "high")
 
 
@@ -85,6 +89,8 @@ def load_posterior(folder: Path | str) -> Posterior:
         StudyError: there is no posterior in the folder, as after an unexplained gap.
         UnknownNameError: it needs a cause that is not in the catalogue.
     """
+    if not isinstance(folder, str | Path):
+        raise StudyError(f"the folder of a diagnosis must be a path, not {folder!r}")
     folder = Path(folder)
     path = folder / JSON
     try:
@@ -96,15 +102,30 @@ def load_posterior(folder: Path | str) -> Posterior:
         branches = tuple(_branch(entry) for entry in content["branches"])
         if not branches:
             raise ValueError("there are no branches")
-        return Posterior(system, _parts(content["usual"]), branches)
-    except FileNotFoundError as error:
+        posterior = Posterior(system, _parts(content["usual"]), branches)
+        _check(posterior)
+        return posterior
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError) as error:
         raise StudyError(
             f"no {JSON} in {folder}; give the folder of a diagnosis that is not unexplained"
         ) from error
     except (StudyError, UnknownNameError):
         raise
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
         raise StudyError(f"{path} was not written by a diagnosis: {error!r}") from error
+
+
+def _check(posterior: Posterior) -> None:
+    """Refuse a posterior with unknown elements, or one of which no sample can be built."""
+    model = posterior.system.study.model
+    known = {kind: set(names(kind, load_spec(model))) for kind in KINDS}
+    hypotheses = [posterior.usual, *(branch.hypothesis for branch in posterior.branches)]
+    for candidate, _ in (part for hypothesis in hypotheses for part in hypothesis):
+        kind, elements = candidate.location.kind, set(candidate.location.elements)
+        if kind != "model" and not elements <= known[kind]:
+            raise ValueError(f"the model has no {kind} {min(elements - known[kind])}")
+    for branch in posterior.branches:
+        replace(posterior, branches=(branch,)).sample(1)
 
 
 def _parts_json(hypothesis: Hypothesis) -> list[dict[str, Any]]:
@@ -128,14 +149,19 @@ def _parts(entries: list[dict[str, Any]]) -> list[Part]:
 
 
 def _part(entry: dict[str, Any]) -> Part:
+    elements = entry["elements"]
+    if not isinstance(elements, list) or not elements or not entry["parameters"]:
+        raise ValueError(f"the cause {entry['cause']} has no list of elements or no parameters")
     location = Location(
-        entry["kind"], tuple(entry["elements"]), entry["note"], entry.get("log", "")
+        entry["kind"], tuple(map(str, elements)), entry["note"], entry.get("log", "")
     )
     parameters, values = [], {}
     for one in entry["parameters"]:
         value, null, scale, low, high = (float(one[name]) for name in NUMBERS)
         if not np.all(np.isfinite((value, null, scale))) or scale == 0.0 or not low <= high:
             raise ValueError(f"the parameter {one['name']} has no finite values")
+        if not low - abs(scale) <= value <= high + abs(scale):
+            raise ValueError(f"the parameter {one['name']} is out of its bounds")
         name, unit = str(one["name"]), str(one["unit"])
         parameters.append(Parameter(name, unit, scale, 0.0, low, high, null))
         values[name] = value
@@ -169,13 +195,20 @@ def _study(entry: dict[str, Any], model: Path) -> Study:
         Channel(str(i), str(one["sensor"]), kind=one["kind"])
         for i, one in enumerate(entry["channels"])
     )
-    time = np.array([0.0, float(entry["duration"])])
-    command = np.zeros((2, len(commanded(load_spec(model).compile()))))
+    compiled = load_spec(model).compile()
+    for channel in channels:
+        kind = {"sensor": "sensor", "effort": "joint"}[channel.kind]
+        getattr(compiled, kind)(channel.sensor)  # KeyError if there is none
+    duration, settle = float(entry["duration"]), float(entry["settle"])
+    if not 0.0 < duration < np.inf or not 0.0 <= settle <= MAX_STEPS * compiled.opt.timestep:
+        raise ValueError(f"the duration is {duration:g} s, and settle {settle:g} s")
+    time = np.array([0.0, duration])
+    command = np.zeros((2, len(commanded(compiled))))
     return Study(
         str(entry["name"]),
         model,
         channels,
         (Episode("", time, command, ()),),
-        Initial(settle=float(entry["settle"])),
+        Initial(settle=settle),
         bool(entry["absolute_encoders"]),
     )

@@ -389,6 +389,23 @@ def test_an_unknown_cause_is_named(folder: Path) -> None:
         lambda content: content["branches"][0]["candidates"][0]["parameters"][0].update(low=9e9),
         lambda content: content.pop("study"),
         lambda content: content.update(model="../lever.xml"),
+        lambda content: content["branches"][0].update(covariance=[[1.0], [2.0, 1.0]]),
+        lambda content: content["branches"][0]["candidates"][0].update(elements=["nothing"]),
+        lambda content: content["branches"][0]["candidates"][0].update(elements="flexor"),
+        lambda content: content["branches"][0]["candidates"][0].update(elements=[]),
+        lambda content: content["branches"][0]["candidates"][0].update(elements=[3]),
+        lambda content: content["branches"][0]["candidates"][0].update(kind="gremlin"),
+        lambda content: content["branches"][0]["candidates"][0].update(cause="gravity_direction"),
+        lambda content: content["branches"][0]["candidates"][0]["parameters"][0].update(
+            name="other"
+        ),
+        lambda content: content["branches"][0]["candidates"][0]["parameters"][0].update(value=1e9),
+        lambda content: content["branches"][0]["candidates"][0].update(parameters=[]),
+        lambda content: content["study"].update(duration=-1.0),
+        lambda content: content["study"].update(duration=float("nan")),
+        lambda content: content["study"].update(settle=1e12),
+        lambda content: content["study"]["channels"][0].update(sensor="nothing"),
+        lambda content: content["study"]["channels"][0].update(kind="nothing"),
     ],
 )
 def test_a_damaged_file_is_refused(folder: Path, damage: Callable[[Any], Any]) -> None:
@@ -399,3 +416,25 @@ def test_a_damaged_file_is_refused(folder: Path, damage: Callable[[Any], Any]) -
 
     with pytest.raises(StudyError, match=r"posterior\.json (was not written|names the model)"):
         load_posterior(folder)
+
+
+def test_what_is_no_folder_of_a_diagnosis_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "wrong" / "posterior.json").mkdir(parents=True)
+    none: Any = None
+
+    for given in (folder / "posterior.json", tmp_path / "wrong", none):
+        with pytest.raises(StudyError, match="the folder of a diagnosis"):
+            load_posterior(given)
+
+
+def test_folders_that_samples_cannot_use_are_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    used, file = tmp_path / "used", tmp_path / "file"
+    used.mkdir()
+    (used / "notes").touch()
+    file.touch()
+
+    for out, message in ((used, "used is not empty"), (file / "x", "x is in a file")):
+        assert main(["sample", str(folder), "--out", str(out)]) == 2
+        assert message in capsys.readouterr().err

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
 from reality_gap.causes import find_cause
-from reality_gap.errors import UnknownNameError
+from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.report.actuator_configs import isaac_lab_actuators, mjlab_actuators
 from reality_gap.report.engines import engine_input
 from reality_gap.simulation.hypothesis import Candidate, build
@@ -132,3 +136,111 @@ def test_mjlab_gets_tendons_too(rubbed: mujoco.MjSpec) -> None:
     assert (flexor["frictionloss"], extensor["frictionloss"]) == (pytest.approx(3.0), 0.0)
     assert "the actuator flexor adds a constant force of -10 N or N m" in found.lacking
     assert "the forces of the actuator flexor are from -400 to -10" in found.lacking
+
+
+def one_joint(actuators: str, joint: str = "") -> mujoco.MjSpec:
+    """A link on a hinge or another joint, with the actuators."""
+    return mujoco.MjSpec.from_string(f"""
+<mujoco>
+  <worldbody><body>
+    <joint name="hip" {joint}/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+  </body></worldbody>
+  <actuator>{actuators}</actuator>
+</mujoco>""")
+
+
+@pytest.mark.parametrize("configs", [isaac_lab_actuators, mjlab_actuators])
+@pytest.mark.parametrize(
+    ("actuators", "joint", "count", "sentence"),
+    [
+        (
+            '<position name="a" joint="hip" kp="50" gear="-1"/>',
+            "",
+            1,
+            "commands of a are -1 times those of its element",
+        ),
+        (
+            '<position name="a" joint="hip" kp="50" gear="0"/>',
+            "",
+            0,
+            "the actuator a does not move hip, with a gear of 0",
+        ),
+        (
+            '<position name="a" joint="hip" kp="5"/><position name="b" joint="hip" kp="7"/>',
+            "",
+            1,
+            "the actuator b is a second servo of hip",
+        ),
+        (
+            '<position name="a" joint="hip" kp="50"/>',
+            'type="ball"',
+            0,
+            "the actuator a moves hip, which is neither a hinge nor a slide",
+        ),
+        (
+            '<general name="a" joint="hip" gainprm="-50" biastype="affine" biasprm="0 50 0"/>',
+            "",
+            0,
+            "the actuator a has a negative stiffness or damping",
+        ),
+        (
+            '<position name="a" joint="hip" kp="50" ctrlrange="-1 2"/>',
+            "",
+            1,
+            "commands of a are limited to -1 to 2",
+        ),
+        (
+            '<position name="a" joint="hip" kp="50"/>',
+            'actuatorfrcrange="-3 4"',
+            1,
+            "the forces of all actuators of hip are from -3 to 4",
+        ),
+    ],
+)
+def test_what_a_configuration_lacks_is_named(
+    configs: Any, actuators: str, joint: str, count: int, sentence: str
+) -> None:
+    found = configs(one_joint(actuators, joint))
+
+    assert found.lacking == (sentence,)
+    assert len(found.arguments) == count
+
+
+@pytest.mark.parametrize(
+    ("forcerange", "limit"),
+    [("", 4.0), ('forcerange="-1 1"', 2.0), ('forcerange="-10 10"', 4.0)],
+)
+def test_the_limit_of_a_joint_is_exported(forcerange: str, limit: float) -> None:
+    """MuJoCo clamps the force of a servo first at the actuator, and then at the joint."""
+    servo = f'<position name="a" joint="hip" kp="1000" gear="2" {forcerange}/>'
+    spec = one_joint(servo, 'actuatorfrcrange="-4 4"')
+    data = mujoco.MjData(model := spec.compile())
+    data.ctrl[:] = 1.0
+    mujoco.mj_forward(model, data)
+
+    assert data.qfrc_actuator[0] == limit
+    (arguments,) = isaac_lab_actuators(spec).arguments
+    assert arguments["effort_limit_sim"] == {"hip": limit}
+    assert mjlab_actuators(spec).arguments[0]["effort_limit"] == limit
+
+
+def test_names_are_escaped_in_regular_expressions() -> None:
+    spec = mujoco.MjSpec.from_string(JOINTS.replace('"hip"', '"hip.*[0]"'))
+
+    (isaac,) = isaac_lab_actuators(spec).arguments
+    patterns = [
+        isaac["joint_names_expr"][0],
+        *mjlab_actuators(spec).arguments[0]["target_names_expr"],
+    ]
+    assert list(isaac["stiffness"]) == isaac["joint_names_expr"]
+    for pattern in patterns:
+        assert re.fullmatch(pattern, "hip.*[0]")
+        assert not re.fullmatch(pattern, "hip_0")
+
+
+@pytest.mark.parametrize("configs", [isaac_lab_actuators, mjlab_actuators])
+@pytest.mark.parametrize("given", [None, Path("extended"), one_joint("").compile()])
+def test_only_a_spec_is_taken(configs: Any, given: Any) -> None:
+    with pytest.raises(StudyError, match=r"spec must be a mujoco\.MjSpec, such as .*, not of the"):
+        configs(given)
