@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,11 +10,12 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jmm_agent.vision.hand_model_file import SIZES
 from kengoro.errors import UsageError
 from kengoro.hand_weights import KENGORO
+from kengoro.output_folder import make_folder
+from kengoro.stage_progress import progress_of
 from kengoro_env.assets import assets_root
 
 LEAST_FRAMES = 8
@@ -79,7 +78,8 @@ def main(args: Args) -> None:
         args.frames, args.samples, jobs=args.jobs, batch=args.batch, device=args.device,
         start=_start(args),
     )  # fmt: skip
-    _make_folders(args)
+    for folder in (args.out.parent, _folder(args)):
+        make_folder(folder)
     with progress_of(STAGES) as progress:
         found = train_detector(source, args.out, _folder(args), effort, _command(args), progress)
     Console().print(
@@ -90,49 +90,6 @@ def main(args: Args) -> None:
         f"{np.rad2deg(found.rotation[0]):.1f} ({np.rad2deg(found.rotation[1]):.0f}) deg.",
         highlight=False,
     )
-
-
-@contextmanager
-def progress_of(stages: Sequence[str]) -> Iterator[Callable[[str, float, str], None]]:
-    """Show how far stages are: a bar for each, or lines where there is no terminal.
-
-    Yields:
-        Function to call with a stage, the share that is done, and a short text.
-    """
-    console = Console()
-    if not console.is_terminal:
-        shown = dict.fromkeys(stages, -1)
-
-        def line(stage: str, share: float, text: str) -> None:
-            if (tenth := int(10.0 * share)) > shown[stage] or (share == 0.0 and text):
-                shown[stage] = tenth
-                print(f"{stage}: {share:.0%} {text}".rstrip(), flush=True)
-
-        yield line
-        return
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[text]}"),
-    )  # fmt: skip
-    with Progress(*columns, console=console) as bar:
-        tasks = {name: bar.add_task(name, total=1.0, text="", start=False) for name in stages}
-
-        def move(stage: str, share: float, text: str) -> None:
-            bar.start_task(tasks[stage])
-            bar.update(tasks[stage], completed=share, text=text)
-
-        yield move
-
-
-def _make_folders(args: Args) -> None:
-    """Make the folders that are written to."""
-    for folder in (args.out.parent, _folder(args)):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"The folder {folder} cannot be made: {error.strerror}.") from error
-        if not os.access(folder, os.W_OK):
-            raise UsageError(f"The folder {folder} cannot be written to.")
 
 
 def _start(args: Args) -> Path | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
@@ -19,6 +18,7 @@ from kengoro.demonstrations.robot import grasps, learned_agent, no_stage
 from kengoro.demonstrations.robot_file import RobotEpisodes, read_robot, write_robot
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
+from kengoro.output_folder import make_folder
 from kengoro.robots import make_env
 from kengoro_env.env import KengoroEnv
 from kengoro_env.robot.control_period import CONTROL_PERIOD
@@ -107,19 +107,10 @@ def claim(out: Path, plan: Plan) -> None:
             raise UsageError(f"{out} holds other robots or episodes; choose another folder.")
     elif out.exists() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty, and holds no data set; choose another folder.")
-    _make_folder(out)
+    make_folder(out)
     write_json(path, wanted)
     for folder in folders:
-        _make_folder(folder)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"The folder {folder} cannot be made: {error.strerror}.") from error
-    if not os.access(folder, os.W_OK):
-        raise UsageError(f"The folder {folder} cannot be written to.")
+        make_folder(folder)
 
 
 def robot_path(out: Path, robot: int) -> Path:

@@ -11,10 +11,10 @@ import pytest
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.__main__ import main
-from kengoro.commands.hand_detector import progress_of
 from kengoro.errors import UsageError
 from kengoro.hand_detector import examples
 from kengoro.hand_detector.train import Effort, claim, train_detector
+from kengoro.stage_progress import progress_of
 
 STRANGER = Path(__file__).with_name("two_links.xml")
 OWN = ["--body", "gripper", "--camera", "above", "--hide", "tag"]
