@@ -392,7 +392,7 @@ def _head_camera(robot: Robot) -> HeadCamera:
 
 
 def _check_camera(camera: object, task: Task, name: str) -> None:
-    if camera not in (None, False, True):
+    if not isinstance(camera, bool | np.bool_ | None):
         raise ArgumentError(f"camera is {camera!r}, but must be True, False or None")
     if camera and not task.has_camera:
         raise ArgumentError(f"the task {name!r} has no camera: leave camera out or False")

@@ -11,7 +11,7 @@ Gaussian.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -185,7 +185,7 @@ class Posterior:
         Raises:
             StudyError: a number is out of its range, or there is no file of the model any more.
         """
-        return [self._extended(parts) for parts in self.hypotheses(n, seed)]
+        return [self.extended(parts) for parts in self.hypotheses(n, seed)]
 
     def hypotheses(self, n: int, seed: int = 0) -> Iterator[list[Part]]:
         """Yield the causes of each sample with their values; see `sample`."""
@@ -194,7 +194,8 @@ class Posterior:
             branch = self.branches[int(random.choice(len(weights), p=weights / weights.sum()))]
             yield branch.draw(random)
 
-    def _extended(self, parts: list[Part]) -> Extended:
+    def extended(self, parts: Sequence[Part]) -> Extended:
+        """Build the model of a sample from its causes, as `hypotheses` yields them."""
         plant = build(self.system, [*self.usual, *parts])
         effects = tuple(
             Effect(candidate.cause, candidate.location, dict(values))

@@ -61,6 +61,8 @@ NAMES = {
 DRAWING = "drawing"
 MUST_ON_DRAWING = 0.6
 """Share of lifted cans on the drawing, at new positions, by examples alone."""
+ON_DRAWING = 4
+"""Episodes on the drawing for one on each robot."""
 
 
 @dataclass(frozen=True)
@@ -180,13 +182,19 @@ def clone(out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, so
 
 
 def _examples(found: Sequence[RobotEpisodes], history: bool) -> dict[str, Any]:
-    """Inputs, commands and robots of all rows of all episodes in which the can was lifted."""
+    """Inputs, commands and robots of all rows of the episodes in which the can was lifted.
+
+    Raises:
+        ExperimentError: it was in none.
+    """
     parts = [
         (*examples(episode, history), robot.robot)
         for robot in found
         for episode in robot.episodes
-        if episode.lifted or not any(one.lifted for own in found for one in own.episodes)
+        if episode.lifted
     ]
+    if not parts:
+        raise ExperimentError("The can was lifted in no demonstration, so that nothing is cloned.")
     return {
         "inputs": np.concatenate([inputs for inputs, _, _ in parts]),
         "commands": np.concatenate([commands for _, commands, _ in parts]),
@@ -224,9 +232,9 @@ def run_agent(robot: int, sizes: Sizes, cache: Path | None) -> list[bool]:
 
 
 def run_cloned(path: Path, name: str, robot: int | None, rows: int, sizes: Sizes) -> list[bool]:
-    """Let a cloned policy grasp on a robot, or on the drawing (None) as many times as on ten."""
+    """Let a cloned policy grasp on a robot, or on the drawing (None)."""
     policy = ClonedPolicy(path, HISTORY[name])
-    count = sizes.episodes if robot is not None else 4 * sizes.episodes
+    count = sizes.episodes if robot is not None else ON_DRAWING * sizes.episodes
     return lifts(policy, robot, -1 if robot is None else robot, count, rows)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from reality_gap.extended import Extended
 from reality_gap.posterior import Posterior
 from reality_gap.report.extended_model import load_extended
 from reality_gap.report.posterior_file import JSON, load_posterior
-from reality_gap.simulation.hypothesis import Part, build
+from reality_gap.simulation.hypothesis import Part
 
 DRAWING, GUESSED, EXTENDED, POSTERIOR, TRUE = CONDITIONS = (
     "drawing", "guessed", "extended", "posterior", "true",
@@ -115,18 +115,15 @@ def usable(posterior: Posterior, count: int, seed: int) -> Models:
     """Samples that the environments take; see `samples`."""
     taken: list[Extended] = []
     refused: list[str] = []
-    tried = 0
-    while len(taken) < count and tried < MOST * count:
-        total = min(tried + count, MOST * count)
-        parts = list(posterior.hypotheses(total, seed))
-        for i, sample in enumerate(posterior.sample(total, seed)[tried:], start=tried):
-            reason = refusal(sample.spec, f"sample {i}")
-            if reason is None:
-                taken.append(sample)
-            else:
-                refused.append(f"{reason} (by {', '.join(_guilty(posterior, parts[i]))})")
-        tried = total
-    taken = taken[:count]
+    for i, parts in enumerate(posterior.hypotheses(MOST * count, seed)):
+        sample = posterior.extended(parts)
+        reason = refusal(sample.spec, f"sample {i}")
+        if reason is None:
+            taken.append(sample)
+        else:
+            refused.append(f"{reason} (by {', '.join(_guilty(posterior, parts))})")
+        if len(taken) == count:
+            break
     repeated = [taken[i % len(taken)].spec for i in range(count)] if taken else []
     return Models(repeated, refused, sorted(_beside(taken)))
 
@@ -140,14 +137,9 @@ def refusal(spec: mujoco.MjSpec, name: str) -> str | None:
     return None
 
 
-def _guilty(posterior: Posterior, parts: Iterable[Part]) -> list[str]:
+def _guilty(posterior: Posterior, parts: Sequence[Part]) -> list[str]:
     """Causes for which alone a model would be refused; all of them if it is their combination."""
-    parts = list(parts)
-    alone = [
-        part
-        for part in parts
-        if refusal(build(posterior.system, [*posterior.usual, part]).spec, "it")
-    ]
+    alone = [part for part in parts if refusal(posterior.extended([part]).spec, "it")]
     return sorted({candidate.cause.id for candidate, _ in alone or parts})
 
 

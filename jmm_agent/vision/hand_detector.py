@@ -3,8 +3,8 @@
 
 1. The *finder* gives places in the frame at which a hand may be, and how large it is.
 2. A virtual camera looks at each place (`CropView`), and the *points network* locates points of the
-   hand in that crop, each with a covariance. Their pose follows (`weighted_pnp`). Further
-   crops, in which the hand is upright and centred, make it finer.
+   hand in that crop, each with a covariance. Their pose follows (`weighted_pnp`). Further crops,
+   in which the hand is upright and centred, make it finer.
 
 Where the joints expect the hand is one more place to look at, and not trusted: a pose is accepted
 for what the crop shows.
@@ -56,8 +56,8 @@ class Candidate(NamedTuple):
 
     Attributes:
         detection: its pose.
-        score: how sure the networks are that the hand is there [0, 1]: of the mean log odds of its
-            crops, for what only resembles a hand does so in some of them.
+        score: how sure the points network is that the hand is there [0, 1]. It is the logistic
+            function of its output's mean over all crops of the place.
     """
 
     detection: HandDetection

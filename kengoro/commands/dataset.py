@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.progress import Progress as Bar
 
 from kengoro.demonstrations.dataset import Plan, Progress, claim, make_datasets
 from kengoro.demonstrations.minari import NAME
 from kengoro.demonstrations.robot import MOST
 from kengoro.errors import UsageError
+from kengoro.stage_progress import progress_of
 from kengoro.trained_maps import trained_map
+
+STAGE = "grasps"
 
 
 @dataclass(frozen=True)
@@ -52,8 +46,8 @@ def main(args: Args) -> None:
     claim(args.out, plan)
     with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_map()
-    with _bar(args.episodes) as progress:
-        found = make_datasets(plan, args.out, progress, args.jobs)
+    with progress_of((STAGE,)) as show:
+        found = make_datasets(plan, args.out, _counted(show, args.episodes), args.jobs)
     lifted = sum(episode.lifted for robot in found for episode in robot.episodes)
     steps = sum(len(episode) for robot in found for episode in robot.episodes)
     console.print(
@@ -89,15 +83,13 @@ def plan_of(args: Args) -> Plan:
     return Plan(tuple(range(first, last + 1)), args.episodes // count)
 
 
-@contextmanager
-def _bar(episodes: int) -> Iterator[Progress]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Bar(*columns) as bar:
-        task = bar.add_task("begins", total=episodes)
-        yield lambda text, by: bar.update(task, description=f"{text:<34}", advance=by)
+def _counted(show: Callable[[str, float, str], None], episodes: int) -> Progress:
+    """Progress by episodes, shown as that of a stage."""
+    done = 0.0
+
+    def progress(text: str, by: float) -> None:
+        nonlocal done
+        done += by
+        show(STAGE, done / episodes, text)
+
+    return progress

@@ -33,8 +33,8 @@ ELSEWHERE = 0.12
 FAR = 2.0
 """Such a place is this far from the hand [half widths of a crop]."""
 NEAR, TWICE = 0.6, 2.0
-"""A place of a finder shows the hand if it is as near as this [half widths of a crop], and its
-view wider or narrower by this factor at most [1]."""
+"""A view that a finder offers shows the hand if its middle is nearer to it than this [half widths
+of a crop], and its width right within this factor [1]."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def _view(
 
 
 def shows(view: CropView, frame: Frame, maker: FrameMaker) -> bool | None:
-    """Whether a finder's view shows the hand; None if it shows a part of it, or is too wide."""
+    """Whether a finder's view shows the hand; None if a part of it, or in a wrong size."""
     if frame.visible < ABSENT:
         return False
     middle = frame.middle(maker.centre)

@@ -14,7 +14,6 @@ which the model was identified.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -42,7 +41,6 @@ class HasSpec(Protocol):
 
 Model: TypeAlias = mujoco.MjSpec | HasSpec | Path | str
 """A spec, an object that has one, or the path of an MJCF file."""
-
 
 LONGEST_STEP = 0.005
 """Longest time step of a model [s]."""
@@ -105,14 +103,18 @@ class OwnModel:
                     f"{name} has no {kind} {missing[0]!r}: it needs one for each of the "
                     f"{len(elements)} muscles of the scene"
                 )
-        for sentence in self._faults(name):
-            raise ArgumentError(sentence)
+        self._check_option(name)
         joints = actuated_joints(model)
         if joints != nominal.joints:
             raise ArgumentError(
                 f"{name} must have the joints of the scene, {', '.join(nominal.joints)}; its "
                 f"tendons cross {', '.join(joints) or 'none'}"
             )
+        for joint in joints:
+            if model.joint(joint).type[0] != mujoco.mjtJoint.mjJNT_HINGE:
+                raise ArgumentError(
+                    f"the joint {joint!r} of {name} must be a hinge, as in the scene"
+                )
         for muscle in nominal.muscles:
             self._check_actuator(muscle, f"the actuator {muscle!r} of {name}")
             if model.actuator_ctrladr[model.actuator(muscle).id] != model.actuator(muscle).id:
@@ -123,7 +125,7 @@ class OwnModel:
         actuator = self._model.actuator(muscle)
         gain, bias, (low, high) = actuator.gainprm[0], actuator.biasprm, actuator.forcerange
         if not np.isfinite([gain, *bias, low, high]).all():
-            raise ArgumentError(f"{named} has a number that is none")
+            raise ArgumentError(f"the gain, bias and forcerange of {named} must be finite")
         on = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_TENDON)
         if not on or not np.isclose(gain, -bias[1], rtol=1e-4) or gain <= 0.0 or bias[2]:
             raise ArgumentError(
@@ -144,20 +146,16 @@ class OwnModel:
                 f"from {low:g} to {high:g} N"
             )
 
-    def _faults(self, name: str) -> Iterator[str]:
-        """What is wrong with the model as a whole."""
+    def _check_option(self, name: str) -> None:
+        """Refuse a model whose physics steps are too long, or whose muscles cannot pull."""
         option = self._model.opt
         if not 0.0 < option.timestep <= LONGEST_STEP:
-            yield (
+            raise ArgumentError(
                 f"the timestep of {name} is {option.timestep:g} s, but must be above 0 and at most "
                 f"{LONGEST_STEP:g} s"
             )
         if option.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
-            yield f"the actuation of {name} is disabled by a flag of its option"
-        for joint in self._nominal.joints:
-            here = self._model.joint(joint) if joint in _joint_names(self._model) else None
-            if here is not None and here.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
-                yield f"the joint {joint!r} of {name} must be a hinge, as in the scene"
+            raise ArgumentError(f"the actuation of {name} is disabled by a flag of its option")
 
     def edit(self, draft: Draft) -> None:
         """Replace the model, and note gains and encoder offsets of its muscles."""
@@ -172,10 +170,6 @@ class OwnModel:
         offset = (rest - least) / stiffness + _zero(model, nominal.muscles) - nominal.zero
         draft.sensor_errors.length_offset = dict(zip(nominal.muscles, offset.tolist(), strict=True))
         draft.spec = self._spec.copy()
-
-
-def _joint_names(model: mujoco.MjModel) -> set[str]:
-    return {model.joint(i).name for i in range(model.njnt)}
 
 
 def _spec_of(model: object, name: str) -> mujoco.MjSpec:

@@ -117,8 +117,8 @@ def load_posterior(folder: Path | str) -> Posterior:
 
 def _check(posterior: Posterior) -> None:
     """Refuse a posterior with unknown elements, or one of which no sample can be built."""
-    model = posterior.system.study.model
-    known = {kind: set(names(kind, load_spec(model))) for kind in KINDS}
+    spec = load_spec(posterior.system.study.model)
+    known = {kind: set(names(kind, spec)) for kind in KINDS}
     hypotheses = [posterior.usual, *(branch.hypothesis for branch in posterior.branches)]
     for candidate, _ in (part for hypothesis in hypotheses for part in hypothesis):
         kind, elements = candidate.location.kind, set(candidate.location.elements)

@@ -490,7 +490,7 @@ def test_a_closed_painter_draws_again() -> None:
     painter.close()
 
 
-@pytest.mark.parametrize("camera", ["no", "yes", 1.5, []])
+@pytest.mark.parametrize("camera", ["no", "yes", 1, 1.5, [], np.ones(2)])
 def test_a_camera_is_wanted_or_not(camera: object) -> None:
     with pytest.raises(ArgumentError, match="must be True, False or None"):
         gym.make("kengoro_env:Kengoro/Posture-v0", camera=camera)

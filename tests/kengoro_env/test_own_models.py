@@ -213,7 +213,7 @@ def with_option(**values: Any) -> Callable[[mujoco.MjSpec], mujoco.MjSpec]:
         (with_actuators(gear=[2.0, 0, 0, 0, 0, 0]), "must have the gear 1, it has 2"),
         (with_actuators(ctrlrange=[0.0, 0.01], ctrllimited=True), "must have no ctrlrange"),
         (with_actuators(forcerange=[-10.0, 400.0]), "from -10 to 400 N"),
-        (with_actuators(biasprm=[np.nan, -1.0] + [0.0] * 8), "has a number that is none"),
+        (with_actuators(biasprm=[np.nan, -1.0] + [0.0] * 8), "must be finite"),
         (with_slides, "must be a hinge, as in the scene"),
         (with_option(timestep=0.1), r"timestep of models\[1\] is 0.1 s"),
         (with_option(timestep=0.0), "timestep"),

@@ -1,7 +1,7 @@
 """Variations of examples that keep their labels right, made anew at each step of a training.
 
-A drawn frame is dear, a step of the training is not: varied examples keep a network from learning
-the drawn ones by heart.
+A rendered frame takes long, a step of the training does not: varied examples keep a network from
+learning the rendered ones by heart.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ GAIN, BIAS = 0.15, 0.06
 SWAPPED = 0.5
 """Share of the pictures whose colours are exchanged for each other [1]."""
 HIDDEN, LARGEST = 0.3, 0.4
-"""Share of the pictures in which a rectangle is hidden, and its longest side [sides]."""
+"""Share of the crops in which a rectangle is hidden, and its longest side [sides]."""
 MOVED = 0.7
 """Share of the frames that are moved [1]."""
 ZOOM, TURN = 0.2, 0.2
@@ -43,19 +43,22 @@ def vary_colours(pictures: Tensor, random: np.random.Generator) -> Tensor:
     return varied.unflatten(1, pictures.shape[1:3]).permute(0, 3, 1, 2)
 
 
-def hide_parts(pictures: Tensor, random: np.random.Generator) -> Tensor:
-    """Pictures (b, 3, h, w), some of them with a rectangle of one colour."""
-    count, _, height, width = pictures.shape
+def hide_parts(crops: Tensor, random: np.random.Generator) -> Tensor:
+    """Crops (b, 3, h, w), some of them with a rectangle of one colour.
+
+    It hides a part of a hand that fills a crop. In a whole frame it might hide a small hand.
+    """
+    count, _, height, width = crops.shape
     hidden = random.random((count, 1)) < HIDDEN
     middle, half = random.random((count, 2)), random.uniform(0.0, LARGEST / 2.0, (count, 2))
-    first, last = _to(pictures, middle - half), _to(pictures, np.where(hidden, middle + half, -1.0))
+    first, last = _to(crops, middle - half), _to(crops, np.where(hidden, middle + half, -1.0))
     rows, columns = (
-        (torch.arange(side, device=pictures.device) + 0.5) / side for side in (height, width)
+        (torch.arange(side, device=crops.device) + 0.5) / side for side in (height, width)
     )
     in_rows = (rows > first[:, :1]) & (rows < last[:, :1])
     in_columns = (columns > first[:, 1:]) & (columns < last[:, 1:])
     covered = (in_rows[:, :, None] & in_columns[:, None, :])[:, None]
-    return torch.where(covered, _to(pictures, random.random((count, 3, 1, 1))), pictures)
+    return torch.where(covered, _to(crops, random.random((count, 3, 1, 1))), crops)
 
 
 def move_frames(

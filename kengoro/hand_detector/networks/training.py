@@ -92,10 +92,10 @@ class Examples:
         device = self._tensors[0].device
         chosen = torch.from_numpy(random.integers(self._count, size=self._batch)).to(device)
         pictures, *labels = (tensor[chosen] for tensor in self._tensors)
-        pictures = hide_parts(vary_colours(pictures, random), random)
+        pictures = vary_colours(pictures, random)
         if self._kind == "finder":
             return list(move_frames(pictures, labels[0], random))
-        return [pictures, *labels]
+        return [hide_parts(pictures, random), *labels]
 
     def held_out(self) -> list[Tensor]:
         """Pictures and labels of the examples that are not learned from, at most 1000."""

@@ -337,6 +337,27 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(
     assert error.count("\n") == 1
 
 
+def test_progress_is_lines_where_there_is_no_terminal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def make(plan: Plan, out: Path, progress: dataset.Progress, jobs: int) -> list[RobotEpisodes]:
+        progress("robot 5 moves its hand in view", 0)
+        for robot in plan.robots:
+            for _ in range(plan.episodes):
+                progress(f"robot {robot} grasps", 1)
+        return [made_robot(tmp_path / "videos", position) for position in (0, 1)]
+
+    monkeypatch.setattr(command, "make_datasets", make)
+    monkeypatch.setattr(command, "trained_map", lambda: None)
+    options = ["--robots", "5-6", "--episodes", "4", "--out", str(tmp_path / "out")]
+    assert main(["dataset", *options]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "grasps: 0% robot 5 moves its hand in view" in lines
+    assert "grasps: 50% robot 5 grasps" in lines
+    assert "grasps: 100% robot 6 grasps" in lines
+    assert any(line.startswith("The can was lifted in 2 of 4 episodes") for line in lines)
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

@@ -12,6 +12,7 @@ import pytest
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import hand_view, looking_at
 from jmm_agent.vision.hand_detector import TrainedHandDetector
+from kengoro.hand_detector.appearance import PREFIX, TEXTURES
 from kengoro.hand_detector.examples import Source, chunk_path, make_chunk, shows
 from kengoro.hand_detector.frames import FrameMaker, develop, load_model
 from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
@@ -57,6 +58,24 @@ def test_a_hand_is_at_its_label(source: Source, monkeypatch: pytest.MonkeyPatch)
         assert np.abs(shown - label).max() < 0.35 * reach
         assert np.linalg.norm(shown.mean(axis=0) - label.mean(axis=0)) < 0.2 * reach
     assert tested >= 10
+
+
+def test_a_calibration_has_textures_that_no_example_has() -> None:
+    source = SOURCES["stranger"]
+    learned, new = (texture_data(source.maker(others)._model) for others in (False, True))
+    assert len(learned) == len(new) == TEXTURES
+    for one in new:
+        assert not any(np.array_equal(one, other) for other in learned)
+
+
+def texture_data(model: mujoco.MjModel) -> list[np.ndarray]:
+    """Colours of the random textures of a model."""
+    ends = [*model.tex_adr[1:].tolist(), len(model.tex_data)]
+    return [
+        model.tex_data[model.tex_adr[i] : ends[i]]
+        for i in range(model.ntex)
+        if model.texture(i).name.startswith(PREFIX)
+    ]
 
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
