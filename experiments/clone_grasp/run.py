@@ -161,7 +161,7 @@ def clone(out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, so
         ExperimentError: the training failed.
     """
     content = io.BytesIO()
-    np.savez(content, **_examples(found, HISTORY[name]))
+    np.savez(content, **clone_examples(found, HISTORY[name]))
     known = files_digest([], f"{source} {asdict(sizes)}")
     path = out / "policies" / f"{name}-{known[:8]}.npz"
     table = path.with_name(f"{name}-examples.npz")
@@ -181,7 +181,7 @@ def clone(out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, so
     return path
 
 
-def _examples(found: Sequence[RobotEpisodes], history: bool) -> dict[str, Any]:
+def clone_examples(found: Sequence[RobotEpisodes], history: bool) -> dict[str, Any]:
     """Inputs, commands and robots of all rows of the episodes in which the can was lifted.
 
     Raises:

@@ -93,7 +93,7 @@ def train_detector(
         for kind, network in zip(NETWORKS, started[1:], strict=True):
             write_bytes(_start(folder, kind), network)
         command = f"{started[0].made_by}; then {command}"
-    _make_examples(source, folder, effort, progress)
+    make_examples(source, folder, effort, progress)
     curves = {}
     for kind, share in zip(NETWORKS, (FINDER_SHARE, 1.0), strict=True):
         samples = int(share * effort.samples)
@@ -154,7 +154,12 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progress) -> None:
+def make_examples(source: Source, folder: Path, effort: Effort, progress: Progress) -> None:
+    """Write the files of examples that are missing in a folder.
+
+    Raises:
+        UsageError: too few frames show the hand.
+    """
     starts = range(0, effort.frames, CHUNK)
     progress("examples", 0.0, "")
     context = multiprocessing.get_context("spawn")

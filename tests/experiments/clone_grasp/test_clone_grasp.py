@@ -47,6 +47,16 @@ def test_examples_pair_readings_of_a_row_with_the_command_at_its_end() -> None:
     np.testing.assert_array_equal(inputs[:, 73:], np.tile(episode.can_pose[0, :2, 3], (3, 1)))
 
 
+def test_grasps_that_failed_are_not_cloned(tmp_path: Path) -> None:
+    lifted, failed = made_episode(0), made_episode(1)
+    robots = [RobotEpisodes(3, (lifted, failed), ()), RobotEpisodes(4, (failed,), ())]
+    found = run.clone_examples(robots, history=False)
+    np.testing.assert_array_equal(found["commands"], examples(lifted, history=False)[1])
+    np.testing.assert_array_equal(found["robots"], [3, 3, 3])
+    with pytest.raises(ExperimentError, match="lifted in no demonstration"):
+        run.clone_examples(robots[1:], history=False)
+
+
 def linear_robots() -> list[RobotEpisodes]:
     """Robots whose commands are a linear function of the lengths of the row."""
     rng = np.random.default_rng(0)

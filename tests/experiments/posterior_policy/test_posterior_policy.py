@@ -84,6 +84,18 @@ def test_refused_samples_are_named_with_their_cause_and_replaced(system: System)
     assert len({spec.compile().body("ulna").mass[0] for spec in found.specs}) == 4
 
 
+def test_samples_are_built_once_each_and_no_more_than_needed(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: list[object] = []
+    extended = Posterior.extended
+    monkeypatch.setattr(
+        Posterior, "extended", lambda self, parts: (built.append(parts), extended(self, parts))[1]
+    )
+    found = usable(posterior(system, [part(system, "link_mass", "ulna", 3.0)]), 3, 0)
+    assert len(found.specs) == len(built) == 3
+
+
 def test_without_a_usable_sample_there_are_no_models(system: System, tmp_path: Path) -> None:
     gain = part(system, "length_scale", "biceps", 3.0)
     found = usable(posterior(system, [gain]), 1, 0)

@@ -75,6 +75,21 @@ def test_the_rows_of_lerobot_are_those_of_the_frames(written: Path) -> None:
         assert table.schema.field("action").type.list_size == 37
 
 
+def test_a_row_of_lerobot_has_the_readings_of_its_frame_and_the_command_at_its_end(
+    written: Path,
+) -> None:
+    tables = [parquet.read_table(p) for p in sorted((written / "lerobot/data").rglob("*.parquet"))]
+    rows = [row for table in tables for row in table.to_pylist()]
+    number, starts, ends = 2, [0, 10, 20, 30], [9, 19, 29, 30]  # of 31 steps, of which 10 are a row
+    own = [row for row in rows if row["episode_index"] == number]
+    episode = made_episode(number)
+    np.testing.assert_array_equal([row["action"] for row in own], episode.actions[ends])
+    read = np.hstack([episode.lengths, episode.tensions])[starts].astype(np.float32)
+    np.testing.assert_array_equal([row["observation.state"] for row in own], read)
+    mean = [np.mean(episode.rewards[a : b + 1]) for a, b in zip(starts, ends, strict=True)]
+    np.testing.assert_allclose([row["next.reward"] for row in own], mean, rtol=1e-6)
+
+
 def test_the_video_holds_the_frames_in_order(written: Path) -> None:
     for position in range(2):
         numbers = (2 * position, 2 * position + 1)

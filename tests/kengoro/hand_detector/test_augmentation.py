@@ -82,6 +82,24 @@ def test_a_turned_frame_is_the_given_one_seen_differently() -> None:
     assert np.ptp(turns) > 15.0
 
 
+def test_some_frames_are_mirrored() -> None:
+    """Three spots, one in each colour, go round the other way in them."""
+    frames = np.zeros((COUNT, 3, HEIGHT, WIDTH), np.float32)
+    for plane, (column, row) in enumerate([(70, 55), (95, 55), (70, 75)]):
+        frames[:, plane, row - 3 : row + 4, column - 3 : column + 4] = 1.0
+    cells = torch.tensor([[9.0, 7.0, LOG_SLOPE, 1.0]]).repeat(COUNT, 1)
+    moved, _ = move_frames(torch.from_numpy(frames), cells, np.random.default_rng(6))
+    signs = []
+    for frame in moved.numpy():
+        if (frame.max(axis=(1, 2)) < 0.5).any():  # a spot is outside
+            continue
+        at = [np.mean(np.nonzero(plane > 0.5), axis=1)[::-1] for plane in frame]
+        (a, b), (c, d) = at[1] - at[0], at[2] - at[0]
+        signs.append(a * d - b * c > 0.0)
+    assert len(signs) > 40
+    assert 0.15 < np.mean(np.logical_not(signs)) < 0.55
+
+
 def test_a_hidden_part_is_one_rectangle_of_one_colour() -> None:
     pictures = torch.full((400, 3, 40, 60), 2.0)  # a value that no colour has
     hidden = hide_parts(pictures, np.random.default_rng(3)).numpy()

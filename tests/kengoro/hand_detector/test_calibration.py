@@ -13,6 +13,7 @@ from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_h
 from kengoro.hand_detector.calibration import calibrate, calibrated
 from kengoro.hand_detector.evaluation import PoseDeviation
 from kengoro.hand_detector.examples import Source
+from kengoro.hand_detector.frames import FrameMaker
 from kengoro.hand_weights import KENGORO
 from kengoro_env.assets import asset_path, assets_root
 
@@ -34,6 +35,23 @@ def test_a_calibration_finds_the_same_factors_whatever_was_in_the_file(tmp_path:
     assert one.threshold == other.threshold
     assert result.found > 0.8
     assert result.claimed <= 0.04
+
+
+def test_a_calibration_has_frames_with_textures_that_were_not_learned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+    maker = Source.maker
+
+    def noted(source: Source, others: bool = False) -> FrameMaker:
+        asked.append(others)
+        return maker(source, others)
+
+    monkeypatch.setattr(Source, "maker", noted)
+    path = tmp_path / "hand.zip"
+    path.write_bytes((assets_root() / KENGORO).read_bytes())
+    calibrate(OURS, path, 2, lambda _: None)
+    assert asked == [True]
 
 
 def test_the_regions_of_a_calibration_hold_the_errors() -> None:

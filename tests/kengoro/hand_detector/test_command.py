@@ -13,8 +13,11 @@ from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.__main__ import main
 from kengoro.errors import UsageError
 from kengoro.hand_detector import examples
-from kengoro.hand_detector.train import Effort, claim, train_detector
+from kengoro.hand_detector.examples import Source, chunk_path, make_chunk
+from kengoro.hand_detector.train import Effort, claim, make_examples, train_detector
+from kengoro.hand_weights import KENGORO
 from kengoro.stage_progress import progress_of
+from kengoro_env.assets import assets_root
 
 STRANGER = Path(__file__).with_name("two_links.xml")
 OWN = ["--body", "gripper", "--camera", "above", "--hide", "tag"]
@@ -120,7 +123,7 @@ def test_a_file_is_there_only_when_it_is_calibrated(
         assert path.exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("kengoro.hand_detector.train._make_examples", lambda *_: None)
+    monkeypatch.setattr("kengoro.hand_detector.train.make_examples", lambda *_: None)
     monkeypatch.setattr("kengoro.hand_detector.train._train_network", train)
     monkeypatch.setattr("kengoro.hand_detector.train.calibrate", stopped)
     source, out = examples.Source(STRANGER, "gripper", "above"), tmp_path / "hand.zip"
@@ -141,6 +144,23 @@ def test_a_camera_that_does_not_see_the_hand_is_named(
                  "--jobs", "1", *start]) == 2  # fmt: skip
     assert "shows the body 'gripper' in 0 of 8 frames only" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_training_shows_the_points_network_what_the_finder_of_its_start_offers(
+    tmp_path: Path,
+) -> None:
+    source = Source(STRANGER, "gripper", "above", ("tag",))
+    start, folder = assets_root() / KENGORO, tmp_path / "run"
+    folder.mkdir()
+    make_examples(source, folder, Effort(frames=6, jobs=1, start=start), lambda *_: None)
+    for name, finder in (("with", start), ("without", None)):
+        make_chunk(source, 0, tmp_path / name, 6, finder)
+    made, mined, plain = (
+        np.load(chunk_path(at, 0))["crops"]
+        for at in (folder, tmp_path / "with", tmp_path / "without")
+    )
+    assert np.array_equal(made, mined)
+    assert not np.array_equal(made, plain)
 
 
 def test_without_a_terminal_each_tenth_of_a_stage_is_a_line(

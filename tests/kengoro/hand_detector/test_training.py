@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import torch
 
+from kengoro.hand_detector.networks import augmentation
 from kengoro.hand_detector.networks.finder import FinderNetwork, finder_loss
 from kengoro.hand_detector.networks.points import PointsNetwork, points_loss
 from kengoro.hand_detector.networks.start import start_from
-from kengoro.hand_detector.networks.training import Job, export, train
+from kengoro.hand_detector.networks.training import Examples, Job, export, train
 
 pytestmark = pytest.mark.torch
 
@@ -48,6 +49,28 @@ def write_squares(folder: Path, count: int = 200) -> None:
 def job(tmp_path: Path) -> Job:
     write_squares(tmp_path)
     return Job(str(tmp_path), "points", 64 * 16, SIZE, COUNT, threads=1)
+
+
+def test_parts_of_crops_are_hidden_and_frames_are_moved_but_not_hidden(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rectangle may hide a whole hand of a frame, whose label would then be wrong."""
+    count = 100
+    cells = np.tile(np.array([2.0, 1.0, -1.0, 1.0], np.float32), (count, 1))
+    np.savez(
+        tmp_path / "examples_00000.npz", small=np.full((count, 32, 48, 3), 99, np.uint8),
+        cells=cells, crops=np.full((count, SIZE, SIZE, 3), 99, np.uint8),
+        positions=np.zeros((count, COUNT, 2), np.float32), present=np.ones(count, np.float32),
+    )  # fmt: skip
+    points = Job(str(tmp_path), "points", 64, SIZE, COUNT)
+    crops, *_ = Examples(points).batch(np.random.default_rng(0))
+    uneven = [float(np.ptp(crop.numpy(), axis=(1, 2)).max()) > 1e-3 for crop in crops]
+    assert 0.15 < np.mean(uneven) < 0.45
+    _, moved = Examples(replace(points, kind="finder")).batch(np.random.default_rng(0))
+    assert 0.5 < np.mean((np.abs(moved.numpy() - cells[0]) > 1e-3).any(axis=1)) < 0.9
+    monkeypatch.setattr(augmentation, "MOVED", 0.0)
+    frames, _ = Examples(replace(points, kind="finder")).batch(np.random.default_rng(0))
+    assert max(float(np.ptp(frame.numpy(), axis=(1, 2)).max()) for frame in frames) < 1e-3
 
 
 def test_training_finds_the_points_and_their_absence(job: Job) -> None:

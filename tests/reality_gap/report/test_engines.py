@@ -126,6 +126,24 @@ def test_a_drive_of_the_exported_numbers_moves_as_the_servo() -> None:
     np.testing.assert_allclose(torque, own)
 
 
+@pytest.mark.parametrize("gear", [3.0, 0.5, -2.0])
+def test_a_drive_damps_as_the_servo_does_through_its_gear(gear: float) -> None:
+    servo = f'<position name="a" joint="hip" kp="50" kv="2" gear="{gear}"/>'
+    spec = mujoco.MjSpec.from_string(
+        re.sub(r"<actuator>.*</actuator>", f"<actuator>{servo}</actuator>", JOINTS, flags=re.S)
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0], data.ctrl[0] = 0.3, -1.7, 0.4
+    mujoco.mj_forward(model, data)
+
+    (given,) = isaac_lab_actuators(spec).arguments
+    target = data.ctrl[0] / gear
+    expected = given["stiffness"]["hip"] * (target - 0.3) + given["damping"]["hip"] * 1.7
+
+    assert data.qfrc_actuator[0] == pytest.approx(expected)
+
+
 def test_mjlab_gets_tendons_too(rubbed: mujoco.MjSpec) -> None:
     found = mjlab_actuators(rubbed)
 
