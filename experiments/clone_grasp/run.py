@@ -32,8 +32,8 @@ from experiments.harness.common import (
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import LEAST_WIDTH
-from experiments.harness.report import Table, print_table, write_report
+from experiments.harness.experiment import print_results, write_files
+from experiments.harness.report import Table
 from experiments.harness.reported import log_reported
 from experiments.harness.runner import progress_bar, run_tasks
 from experiments.harness.statistics import metric
@@ -42,7 +42,7 @@ from kengoro.demonstrations.robot import grasps, learned_agent
 from kengoro.demonstrations.robot_file import RobotEpisodes
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
-from mjcf_sandbox.files import write_bytes, write_json
+from mjcf_sandbox.files import write_bytes
 
 NAME = "clone-grasp"
 TITLE = "Behaviour cloning of grasps"
@@ -285,13 +285,8 @@ def conclude(
         drawing={policy: results[policy][DRAWING] for policy in HISTORY},
         metrics=metrics, tables=[table.plain()],
     )  # fmt: skip
-    write_bytes(args.out / "figure_1.png", picture.png)
-    write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, [table], [picture])
-    write_json(args.out / "summary.json", summary)
-    console = Console()
-    console.width = max(console.width, LEAST_WIDTH)
-    print_table(console, table)
-    console.print(f"Results: {args.out}/summary.json, report.html, figure")
+    write_files(args.out, TITLE, INTRODUCTION, summary, [table], [picture])
+    print_results(args.out, [table])
     return summary
 
 

@@ -244,17 +244,37 @@ def run_watched(experiment: Experiment, tasks: Tasks, args: Args, key: str) -> d
 
 def write_results(out: Path, experiment: Experiment, summary: Summary, found: Findings) -> None:
     """Write figures, report and summary to ``out`` and print the metrics."""
-    remove_parts(out)
-    for number, picture in enumerate(found.pictures, start=1):
-        write_bytes(out / f"figure_{number}.png", picture.png)
+    title, introduction = experiment.title, experiment.introduction
     tables = [metric_table(summary["metrics"]), *found.tables]
-    report = out / "report.html"
-    write_report(report, experiment.title, experiment.introduction, summary, tables, found.pictures)
+    write_files(out, title, introduction, summary, tables, found.pictures)
+    if found.closing:
+        print_results(out, [], [found.closing])
+    else:
+        print_results(out, tables[:1])
+
+
+def write_files(
+    out: Path,
+    title: str,
+    introduction: str,
+    summary: Summary,
+    tables: Sequence[Table],
+    pictures: Sequence[Picture],
+) -> None:
+    """Write figures, report and summary to ``out``, of which ``summary.json`` comes last."""
+    remove_parts(out)
+    for number, picture in enumerate(pictures, start=1):
+        write_bytes(out / f"figure_{number}.png", picture.png)
+    write_report(out / "report.html", title, introduction, summary, tables, pictures)
     write_json(out / "summary.json", summary)
+
+
+def print_results(out: Path, tables: Sequence[Table], sentences: Sequence[str] = ()) -> None:
+    """Print tables and sentences, and where the results are."""
     console = Console()
     console.width = max(console.width, LEAST_WIDTH)
-    if found.closing:
-        console.print(found.closing)
-    else:
-        print_table(console, tables[0])
+    for table in tables:
+        print_table(console, table)
+    for sentence in sentences:
+        console.print(sentence, markup=False)
     console.print(f"Results: {out}/summary.json, report.html, figures")

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from rich.console import Console
 
 from experiments.harness.common import (
     Summary,
@@ -24,13 +23,12 @@ from experiments.harness.common import (
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import LEAST_WIDTH
-from experiments.harness.report import Table, print_table, write_report
+from experiments.harness.experiment import print_results, write_files
+from experiments.harness.report import Table
 from experiments.harness.reported import log_reported
 from experiments.harness.runner import core_seconds, run_tasks
 from experiments.harness.statistics import metric
 from experiments.learn_posture.policies import OTHERS, Sizes, judge_others, learn, libraries
-from mjcf_sandbox.files import write_bytes, write_json
 
 NAME = "learn-posture"
 TITLE = "Reinforcement learning of postures"
@@ -155,13 +153,8 @@ def conclude(
         tables=[table.plain()],
         curves={str(seed): curve(one) for seed, one in learned.items()},
     )
-    write_bytes(args.out / "figure_1.png", picture.png)
-    write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, [table], [picture])
-    write_json(args.out / "summary.json", summary)
-    console = Console()
-    console.width = max(console.width, LEAST_WIDTH)
-    print_table(console, table)
-    console.print(f"Results: {args.out}/summary.json, report.html, figure")
+    write_files(args.out, TITLE, INTRODUCTION, summary, [table], [picture])
+    print_results(args.out, [table])
     return summary
 
 

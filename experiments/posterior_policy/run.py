@@ -13,8 +13,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rich.console import Console
-
 from experiments.gap_to_skill.run import QUICK as QUICK_LOG
 from experiments.harness.common import (
     Summary,
@@ -25,8 +23,8 @@ from experiments.harness.common import (
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import LEAST_WIDTH
-from experiments.harness.report import metric_table, print_table, write_report
+from experiments.harness.experiment import print_results, write_files
+from experiments.harness.report import metric_table
 from experiments.harness.reported import log_reported
 from experiments.harness.runner import run_tasks
 from experiments.learn_posture.run import versions
@@ -41,7 +39,6 @@ from experiments.posterior_policy.training import (
     learn_by_ppo,
     train,
 )
-from mjcf_sandbox.files import write_bytes, write_json
 
 NAME = "posterior-policy"
 TITLE = "The diagnosis as a prior for training"
@@ -212,16 +209,8 @@ def conclude(
         diagnoses=dict(summaries), messages=messages, tables=[table.plain()],
     )  # fmt: skip
     tables = [metric_table(summary["metrics"]), table]
-    write_bytes(args.out / "figure_1.png", picture.png)
-    write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, tables, [picture])
-    write_json(args.out / "summary.json", summary)
-    console = Console()
-    console.width = max(console.width, LEAST_WIDTH)
-    for each in tables:
-        print_table(console, each)
-    for message in messages:
-        console.print(message, markup=False)
-    console.print(f"Results: {args.out}/summary.json, report.html, figure")
+    write_files(args.out, TITLE, INTRODUCTION, summary, tables, [picture])
+    print_results(args.out, tables, messages)
     return summary
 
 
