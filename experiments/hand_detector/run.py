@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from experiments.harness.common import (
     ROOT,
     check_jobs,
@@ -19,11 +17,10 @@ from experiments.harness.common import (
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
-from experiments.harness.report import print_table, write_report
 from experiments.harness.reported import log_reported, seed_ranges
 from experiments.harness.runner import core_seconds, run_tasks
 from kengoro.hand_weights import KENGORO
-from mjcf_sandbox.files import remove_parts, write_bytes, write_json
+from mjcf_sandbox.files import remove_parts
 
 NAME = "hand-detector"
 TITLE = "The hand without a marker"
@@ -174,13 +171,6 @@ def conclude(
     )
     seeds = sorted({record["seed"] for record in records if record["of"] == "frame"})
     summary["seeds"] = [seed_ranges(seeds)]
-    for number, picture in enumerate(drawings, start=1):
-        write_bytes(args.out / f"figure_{number}.png", picture.png)
-    write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, shown, drawings)
-    write_json(args.out / "summary.json", summary)
-    console = Console()
-    console.width = max(console.width, LEAST_WIDTH)
-    for table in shown[:7]:
-        print_table(console, table)
-    console.print(f"Results: {args.out}/summary.json, report.html, figures")
+    write_files(args.out, TITLE, INTRODUCTION, summary, shown, drawings)
+    print_results(args.out, shown[:7])
     return summary
