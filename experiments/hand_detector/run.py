@@ -17,6 +17,7 @@ from experiments.harness.common import (
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
+from experiments.harness.experiment import print_results, write_files
 from experiments.harness.reported import log_reported, seed_ranges
 from experiments.harness.runner import core_seconds, run_tasks
 from kengoro.hand_weights import KENGORO
