@@ -42,15 +42,15 @@ run_experiment(replace(EXPERIMENT, sizes=sizes), Args(seeds="0-1", out=out, jobs
 TRAINING = """
 import sys
 
-from experiments.harness.common import drawing_for_agent
 from experiments.robots.elbow import SCENE
 from jmm_agent.mapping.recipe import Recipe
 from jmm_agent.mapping.training import load_or_train
+from kengoro.trained_maps import nominal_model
 from kengoro_env.assets import asset_path
 
-drawing = drawing_for_agent(asset_path(SCENE))
+nominal = nominal_model(asset_path(SCENE))
 for seed in range(6):
-    load_or_train(drawing, seed, sys.argv[1], Recipe(hidden=200, samples=2000, steps=300))
+    load_or_train(nominal, seed, sys.argv[1], Recipe(hidden=200, samples=2000, steps=300))
 """
 """Six maps, one after the other, each kept as soon as it is trained."""
 
