@@ -38,8 +38,9 @@ STEPS = 8
 """Steps that find a pose, and the slopes before a lens, again."""
 SETTLED = 1e-9
 """Change of a pose that ends the search for it [m, rad]."""
-MOST_LENS = 0.5
-"""Largest share by which a lens may move a slope; beyond it, it would fold the image [1]."""
+MOST_SHRUNK = 0.25
+"""Largest share by which a lens shrinks a slope [1]: from a third on, it would fold the image. What
+is farther out is shrunk by as much."""
 
 
 @dataclass(frozen=True)
@@ -173,22 +174,51 @@ def _straightened(content: bytes, focal: float, lens: float, solid: bool) -> Flo
     pose = np.frombuffer(content).reshape(4, 4)
     square = _body(pose, solid)
     points = square @ pose[:3, :3].T + pose[:3, 3]
-    seen = points[:, :2] / points[:, 2:] / (1.0 + focal)
-    straight = seen.copy()
+    straight = _unbent(points[:, :2] / points[:, 2:] / (1.0 + focal), lens)
     for _ in range(STEPS):
-        grown = np.clip(lens * np.sum(straight**2, axis=1, keepdims=True), -MOST_LENS, MOST_LENS)
-        straight = seen / (1.0 + grown)
-    pose = pose.copy()
-    for _ in range(STEPS):
-        points = square @ pose[:3, :3].T + pose[:3, 3]
-        missed = straight - points[:, :2] / points[:, 2:]
-        step = np.linalg.lstsq(corner_slopes(pose, square, np.eye(3)), missed.ravel(), rcond=None)
-        pose[:3, 3] += pose[:3, :3] @ step[0][:3]
-        pose[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(step[0][3:])[0]
-        if np.abs(step[0]).max() < SETTLED:
+        missed = _missed(pose, square, straight)
+        slopes = corner_slopes(pose, square, np.eye(3))
+        step = np.linalg.lstsq(slopes, missed.ravel(), rcond=None)[0]
+        while (size := np.abs(step).max()) >= SETTLED:
+            moved = _stepped(pose, step)
+            if np.sum(_missed(moved, square, straight) ** 2) < np.sum(missed**2):
+                break
+            step = step / 2.0
+        if size < SETTLED:
             break
+        pose = moved
+    pose = pose.copy()
     pose.setflags(write=False)
     return pose
+
+
+def _missed(pose: Floats, body: Floats, slopes: Floats) -> Floats:
+    """What the points (N, 3) of a body at a pose miss of the slopes (N, 2) that show them; infinite
+    if a point is behind the camera."""
+    points = body @ pose[:3, :3].T + pose[:3, 3]
+    if points[:, 2].min() <= 0.0:
+        return np.full_like(slopes, np.inf)
+    return np.asarray(slopes - points[:, :2] / points[:, 2:])
+
+
+def _stepped(pose: Floats, step: Floats) -> Floats:
+    """A pose moved and turned by a step (6,) in its own axes."""
+    moved = pose.copy()
+    moved[:3, 3] += pose[:3, :3] @ step[:3]
+    moved[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(step[3:])[0]
+    return moved
+
+
+def _unbent(seen: Floats, lens: float) -> Floats:
+    """Slopes (N, 2) of the rays that a lens shows at given slopes (N, 2)."""
+    shown = np.linalg.norm(seen, axis=1, keepdims=True)
+    most = np.sqrt(MOST_SHRUNK / max(-lens, np.finfo(float).tiny))
+    inner = shown < (1.0 - MOST_SHRUNK) * most
+    long = np.where(inner, shown, 0.0)
+    for _ in range(STEPS):
+        missed = long * (1.0 + lens * long**2) - np.where(inner, shown, 0.0)
+        long = long - missed / (1.0 + 3.0 * lens * long**2)
+    return np.where(inner, seen / (1.0 + lens * long**2), seen / (1.0 - MOST_SHRUNK))
 
 
 def camera_columns(pose: Floats, unknowns: Floats, solid: bool = False) -> Floats:
@@ -214,9 +244,12 @@ def camera_columns(pose: Floats, unknowns: Floats, solid: bool = False) -> Float
     slopes = points[:, :2] / points[:, 2:]
     moved = np.zeros((len(square), 2, 2))
     for corner, slope in enumerate(slopes):
-        long = float(slope @ slope)
-        grown = (1.0 + lens * long) * np.eye(2) + 2.0 * lens * np.outer(slope, slope)
-        shifts = np.column_stack([(1.0 + lens * long) / (1.0 + focal) * slope, long * slope])
+        bent, long = lens, float(slope @ slope)
+        size = 1.0 + bent * long
+        if size < 1.0 - MOST_SHRUNK:
+            size, bent, long = 1.0 - MOST_SHRUNK, 0.0, 0.0
+        grown = size * np.eye(2) + 2.0 * bent * np.outer(slope, slope)
+        shifts = np.column_stack([size / (1.0 + focal) * slope, long * slope])
         moved[corner] = -np.linalg.solve(grown, shifts)
     by_slopes = corner_slopes(straight, square, np.eye(3))
     columns[:, 6:] = np.linalg.lstsq(by_slopes, moved.reshape(-1, 2), rcond=None)[0]

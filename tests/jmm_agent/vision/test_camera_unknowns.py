@@ -15,7 +15,8 @@ from jmm_agent.vision.camera_unknowns import (
     corrected,
     corrected_observations,
 )
-from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.marker_observation import MarkerObservation, ObservationWeights
+from jmm_agent.vision.pose_errors import PoseErrors
 from jmm_agent.vision.square_pose import solve_square, square_corners
 
 FOCAL = 579.4
@@ -177,3 +178,32 @@ def test_a_prior_has_no_negative_widths() -> None:
     with pytest.raises(AgentError, match="at least 0"):
         CameraPrior(lens=-0.1)
     assert not CameraPrior(0.0, 0.0, 0.0, 0.0).enabled
+
+
+@pytest.mark.parametrize("lens", [-0.15, -0.25, -0.4, -1.0])
+@pytest.mark.parametrize("solid", [False, True])
+def test_no_lens_folds_the_view(lens: float, solid: bool) -> None:
+    """At the border of a wide view a polynomial of the slope would turn back, and no pose fit."""
+    unknowns = np.array([0.0] * 7 + [lens])
+    slopes = []
+    for pose in poses(1) * 40:
+        turned, place = pose.copy(), len(slopes) / 40.0
+        turned[:3, 3] = 0.6 * np.array([place, 0.3 * place, 1.0])
+        straight = corrected(turned, unknowns, solid)
+        assert 0.3 < straight[2, 3] < 1.0
+        assert np.abs(camera_columns(turned, unknowns, solid)).max() < 60.0
+        slopes.append(float(straight[0, 3] / straight[2, 3]))
+    assert np.all(np.diff(slopes) > 0.0)
+
+
+def test_hands_at_the_border_of_the_view_leave_the_fit_solvable() -> None:
+    """The pose, and the believed lens, at which learning from a robot's hand ended."""
+    turn, offset = poses(1)[0], np.array([0.409, -0.164, 0.587])
+    turn[:3, 3] = offset
+    hand = MarkerObservation(turn, np.zeros(3), np.zeros(3), ("hand", "eye"))
+    camera = np.array([0.0, 0.001, 0.0, -0.003, -0.001, 0.002, 0.0, -0.235])
+    weights = ObservationWeights([hand], 0.005, 0.01, 0.01)
+    errors = PoseErrors([hand], CameraPrior(), camera, np.zeros((1, 6, 0)), weights, "eye")
+    left, cost = errors.remaining(np.full((1, 6), 0.01))
+    assert np.all(np.abs(left) < 0.1)
+    assert np.isfinite(cost)
