@@ -178,7 +178,7 @@ def _straightened(content: bytes, focal: float, lens: float, solid: bool) -> Flo
     for _ in range(STEPS):
         missed = _missed(pose, square, straight)
         slopes = corner_slopes(pose, square, np.eye(3))
-        step: Floats = np.linalg.lstsq(slopes, missed.ravel(), rcond=None)[0]
+        step = np.asarray(np.linalg.lstsq(slopes, missed.ravel(), rcond=None)[0], dtype=float)
         while (size := np.abs(step).max()) >= SETTLED:
             moved = _stepped(pose, step)
             if np.sum(_missed(moved, square, straight) ** 2) < np.sum(missed**2):
