@@ -34,9 +34,10 @@ from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 
 LEAST_ERROR = (0.01, np.radians(3.0))
 """Standard deviations of any predicted movement along and about each axis [m, rad]."""
-SHARE = 0.15
-"""Standard deviation of a predicted movement, as a share of it [1]: joints that are 10 deg off turn
-its direction by as much."""
+SHARE = 0.3
+"""Standard deviation of a predicted movement, as a share of it [1]: joints that are 17 deg off turn
+its direction by as much. Before a robot has learned, each joint is off by about 12 deg, elsewhere
+by other errors."""
 LEVER = 0.06
 """By how much the expected hand may be displaced along each axis [m]; a turn of it by an angle adds
 the standard deviation `LEVER` times this angle."""
