@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import gymnasium as gym
 import numpy as np
 
+from experiments.faults.frames import IN_FRAMES, OF_HAND, FrameFault
 from jmm_agent.guard import faults
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.types import Floats
@@ -24,9 +24,6 @@ from kengoro_env.robot.muscle_law import DEFAULT_GAINS
 
 MOTORS = MotorControl(DEFAULT_GAINS.stiffness, DEFAULT_GAINS.bias, DEFAULT_GAINS.limit)
 """Properties of the motors that the agent knows."""
-
-CYCLE, HIDDEN_SHARE = 2.0, 0.3
-"""Period with which the marker is hidden [s], and hidden share of it."""
 
 JUMP = 0.020
 """Jump of an encoder [m]."""
@@ -39,9 +36,6 @@ PUSH = 40.0
 
 SNAPPED = 10.0
 """Elongation of a snapped muscle, which cannot pull again [m]."""
-
-IN_FRAMES = (faults.MARKER_HIDDEN, faults.SECOND_MARKER, faults.MIRRORED_MARKER)
-"""Faults of the hand's marker, which are visible only while it is in view."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +59,7 @@ class Injection:
             faults.COMMAND_LATE: "commands",
             faults.PUSHED: "hand",
             faults.CAMERA_FROZEN: "camera",
+            **dict.fromkeys(OF_HAND, "hand"),
         }
         return self.muscle or locations.get(self.kind, "marker")
 
@@ -105,27 +100,27 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
 
     Args:
         env: a Kengoro environment with a camera.
-        detector: finds the marker that is hidden or doubled.
+        detector: finds the marker that is hidden or doubled; None: the hand carries none.
 
     Attributes:
         world: the environment without wrappers.
-        detector: marker detector for the agent.
+        detector: marker detector for the agent; None: the hand carries none.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], detector: MarkerDetector) -> None:
+    def __init__(self, env: gym.Env[Any, Any], detector: MarkerDetector | None) -> None:
         super().__init__(env)
         assert isinstance(env.unwrapped, KengoroEnv)
         self.world = env.unwrapped
         self._detector = detector
-        self.detector = MirroringDetector(detector)
+        self.detector = None if detector is None else MirroringDetector(detector)
         self._injection: Injection | None = None
         self._begin = 0.0
         self.shown: float | None = None
         """Time at which the latest fault had its first effect [s]; None before it. Faults of a
-        marker have no effect on a frame without it."""
+        marker or a hand have no effect on a frame without it."""
         self.largest_demand = 0.0
         """Largest tension demanded by a command at the lengths that the agent measured [N]."""
-        self._frozen: np.ndarray | None = None
+        self._frame_fault: FrameFault | None = None
         self._true = self._read = np.zeros(0)
         self._commands: deque[Floats] = deque()
 
@@ -134,9 +129,12 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         self._injection, self._begin = injection, self.world.robot.time
         later = injection is None or injection.kind in IN_FRAMES
         self.shown = None if later else self._begin
-        self._frozen = None
+        self._frame_fault = None
+        if injection is not None and injection.kind in (*IN_FRAMES, faults.CAMERA_FROZEN):
+            self._frame_fault = FrameFault(injection.kind, self._begin, self._detector)
         self._commands.clear()
-        self.detector.mirrored = False
+        if self.detector is not None:
+            self.detector.mirrored = False
         force = np.zeros(3)
         if injection is not None and injection.kind == faults.PUSHED:
             force = PUSH * np.array(injection.direction)
@@ -183,8 +181,11 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         shows = injection.kind not in IN_FRAMES
         if injection.muscle:
             self._disturb_muscle(observation, injection, last)
-        elif "frame" in observation:
-            shows = self._disturb_frame(observation, injection)
+        elif "frame" in observation and self._frame_fault is not None:
+            time = float(observation["frame_time"][0])
+            shows = self._frame_fault.disturb(observation["frame"], time, self.world.robot)
+            if self.detector is not None:
+                self.detector.mirrored = shows and injection.kind == faults.MIRRORED_MARKER
         if shows and self.shown is None:
             self.shown = self.world.robot.time
         return observation
@@ -203,48 +204,3 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         elif injection.kind == faults.TENSION_SENSOR_DEAD:
             observation["tensions"][muscle] = 0.0
         observation["lengths"] = self._read
-
-    def _disturb_frame(self, observation: dict[str, Any], injection: Injection) -> bool:
-        """Change the frame in place; returns whether the fault is visible in it."""
-        frame = observation["frame"]
-        if injection.kind == faults.CAMERA_FROZEN:
-            self._frozen = frame if self._frozen is None else self._frozen
-            observation["frame"] = self._frozen.copy()
-        if injection.kind not in IN_FRAMES:
-            return True
-        marker = self._detector.detect(frame).poses.get(0)
-        if marker is None:
-            return False
-        if injection.kind == faults.MARKER_HIDDEN:
-            since = float(observation["frame_time"][0]) - self._begin
-            hidden = since % CYCLE < HIDDEN_SHARE * CYCLE
-            if hidden:
-                _paint_over(frame, marker)
-            return hidden
-        if injection.kind == faults.SECOND_MARKER:
-            _paint_copy(frame, marker)
-        else:
-            self.detector.mirrored = True
-        return True
-
-
-def _paint_over(frame: np.ndarray, marker: MarkerPose) -> None:
-    """Paint over a marker, in place."""
-    low, high = _box(marker)
-    cv2.rectangle(frame, low.tolist(), high.tolist(), (90, 80, 70), -1)
-
-
-def _paint_copy(frame: np.ndarray, marker: MarkerPose) -> None:
-    """Paint a copy of a marker into a corner of its frame, in place."""
-    low, high = _box(marker)
-    patch = frame[low[1] : high[1], low[0] : high[0]]
-    height, width = patch.shape[:2]
-    corner = 20 if low[0] > frame.shape[1] // 2 else frame.shape[1] - width - 20
-    frame[20 : 20 + height, corner : corner + width] = patch.copy()
-
-
-def _box(marker: MarkerPose) -> tuple[np.ndarray, np.ndarray]:
-    """Upper left and lower right (x, y) of a marker with its white margin [px]."""
-    margin = 0.25 * float(np.ptp(marker.corners_px, axis=0).max())
-    low = np.maximum(np.floor(marker.corners_px.min(axis=0) - margin).astype(int), 0)
-    return low, np.ceil(marker.corners_px.max(axis=0) + margin).astype(int)

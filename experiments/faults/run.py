@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.faults.frames import OF_HAND, OF_MARKER
 from experiments.faults.injection import FaultyEnv, Injection
 from experiments.faults.tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.harness import common
@@ -21,30 +22,30 @@ from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.robots.accuracy import MapAccuracy
-from experiments.robots.conditions import ACTUAL
+from experiments.robots.conditions import ACTUAL, Seen, with_seen
 from jmm_agent.guard import faults
+from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro.agents import make_agent
 from kengoro.robots import CAMERA, NO_END, SIDES, make_env, shuffled_postures
 from kengoro.session import Session
 
+OUT = Path("out/faults")
+"""Folder of the results, if none is given."""
 MUSCLE_FAULTS = (
     faults.ENCODER_STUCK,
     faults.ENCODER_JUMP,
     faults.TENSION_SENSOR_DEAD,
     faults.MUSCLE_SNAPPED,
 )
-TRIALS = (
-    NO_FAULT,
-    faults.MARKER_HIDDEN,
-    faults.SECOND_MARKER,
-    faults.MIRRORED_MARKER,
-    faults.CAMERA_FROZEN,
-    *MUSCLE_FAULTS,
-    faults.COMMAND_LATE,
-    faults.PUSHED,
-)
-"""Faults of the trials, and a trial without a fault."""
+ANY_HAND = (faults.CAMERA_FROZEN, *MUSCLE_FAULTS, faults.COMMAND_LATE, faults.PUSHED)
+TRIALS: dict[HandKind, tuple[str, ...]] = {
+    "marker": (NO_FAULT, *OF_MARKER, *ANY_HAND),
+    "seen": (NO_FAULT, *OF_HAND, *ANY_HAND),
+}
+"""Faults of the trials, and a trial without a fault, by what the hand carries."""
+KINDS = tuple(dict.fromkeys(sum(TRIALS.values(), ())))
+"""All of them; their order fixes what is random in each."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,9 @@ class Sizes:
         move: duration of a movement [s].
         patience: longest wait for rest and an observation [s].
         tested: number of postures over which the error of the map is evaluated.
-        trials: faults that are injected.
+        trials: faults that are injected; none: all that robots with such a hand have.
+        hand: whether the hand carries its marker ("marker") or none ("seen").
+        detector: digest of the file that sees the hand; empty for Kengoro's own.
     """
 
     learning: float = 90.0
@@ -67,7 +70,9 @@ class Sizes:
     move: float = 1.5
     patience: float = 1.0
     tested: int = 50
-    trials: tuple[str, ...] = TRIALS
+    trials: tuple[str, ...] = ()
+    hand: HandKind = "marker"
+    detector: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,13 +85,17 @@ class Args(common.Args):
         learning: time of learning before the faults [s].
         fault: time with each fault [s].
         after: time after it [s].
+        hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
+        detector: file of `kengoro hand-detector` that sees the hand; Kengoro's own if left out.
     """
 
     seeds: str = "0-9"
-    out: Path = Path("out/faults")
+    out: Path = OUT
     learning: float = 90.0
     fault: float = 10.0
     after: float = 60.0
+    hand: HandKind = "marker"
+    detector: Path | None = None
 
 
 QUICK = Sizes(learning=8.0, fault=6.0, after=6.0, tested=10)
@@ -98,15 +107,20 @@ class FaultyRun:
     Args:
         seed: of the robot.
         cache: folder of trained maps.
-        sizes: durations.
+        sizes: durations, and whether the hand carries a marker.
+        detector: file that sees the hand; None: Kengoro's own.
     """
 
-    def __init__(self, seed: int, cache: Path | None, sizes: Sizes) -> None:
+    def __init__(
+        self, seed: int, cache: Path | None, sizes: Sizes, detector: Path | None = None
+    ) -> None:
         self._sizes, self._postures, self._visited = sizes, shuffled_postures(seed), 0
-        self._detector = MarkerDetector(CAMERA, SIDES)
-        env = make_env("Posture", seed, max_episode_steps=NO_END)
+        self._detector = MarkerDetector(CAMERA, SIDES) if sizes.hand == "marker" else None
+        env = make_env("Posture", seed, hand=sizes.hand, max_episode_steps=NO_END)
         self.env = FaultyEnv(env, self._detector)
-        self.agent = make_agent(seed, guard=True, detector=self.env.detector, cache=cache)
+        self.agent = make_agent(
+            seed, guard=True, detector=self.env.detector, hand=detector or sizes.hand, cache=cache
+        )
         start = self._postures[0]
         options = {"posture": start, "target": start}
         self.session = Session(self.env, self.agent, seed, None, options)
@@ -148,18 +162,29 @@ def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
     """Fault of a kind on the robot of a seed, with a random muscle and direction of force."""
     if kind == NO_FAULT:
         return None
-    rng = np.random.default_rng([seed, 7, TRIALS.index(kind)])
+    rng = np.random.default_rng([seed, 7, KINDS.index(kind)])
     muscle = str(rng.choice(muscles)) if kind in MUSCLE_FAULTS else ""
     direction = rng.standard_normal(3)
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     return Injection(kind, muscle, (x, y, z))
 
 
-def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """Run one robot: learning, then a trial of each fault from that state."""
-    learner, accuracy = FaultyRun(seed, cache, sizes), MapAccuracy(seed, sizes.tested)
+def run(
+    condition: str, seed: int, sizes: Sizes, cache: Path | None, detector: Path | None = None
+) -> dict[str, Any]:
+    """Run one robot: learning, then a trial of each fault from that state.
+
+    Args:
+        condition: of the robot; there is one.
+        seed: of the robot.
+        sizes: durations, trials, and whether the hand carries a marker.
+        cache: folder of trained maps.
+        detector: file that sees the hand; None: Kengoro's own.
+    """
+    learner = FaultyRun(seed, cache, sizes, detector)
+    accuracy, kinds = MapAccuracy(seed, sizes.tested), sizes.trials or TRIALS[sizes.hand]
     learner.advance(sizes.learning)
-    trials = {kind: trial(learner.copy(), accuracy, kind, seed, sizes) for kind in sizes.trials}
+    trials = {kind: trial(learner.copy(), accuracy, kind, seed, sizes) for kind in kinds}
     learner.env.close()
     return {"learning": record_of(learner, 0.0, sizes.learning), "trials": trials}
 
@@ -168,7 +193,7 @@ def trial(
     faulty: FaultyRun, accuracy: MapAccuracy, kind: str, seed: int, sizes: Sizes
 ) -> dict[str, Any]:
     """Inject a fault at a random time and remove it after its duration."""
-    rng = np.random.default_rng([seed, 9, TRIALS.index(kind)])
+    rng = np.random.default_rng([seed, 9, KINDS.index(kind)])
     faulty.advance(float(rng.uniform(0.0, sizes.move + sizes.patience)))
     faulty.named.clear()
     injected = injection(kind, seed, faulty.env.world.muscles)
@@ -215,7 +240,8 @@ def main(args: Args) -> Summary:
     if min(args.learning, args.fault, args.after) <= 0:
         raise ExperimentError("learning, fault and after must be positive.")
     sizes = replace(EXPERIMENT.sizes, learning=args.learning, fault=args.fault, after=args.after)
-    return run_experiment(replace(EXPERIMENT, sizes=sizes), args)
+    experiment = replace(EXPERIMENT, sizes=sizes)
+    return run_experiment(*with_seen(experiment, args, Seen(args.hand, args.detector), OUT))
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:

@@ -97,7 +97,7 @@ def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _shown(trials: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Trials in which the fault had an effect; faults of a marker have none out of view."""
+    """Trials in which the fault had an effect; faults of marker or hand have none out of view."""
     return [trial for trial in trials if trial["shown_after_s"] is not None]
 
 
@@ -126,7 +126,7 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
     )  # fmt: skip
     note = (
         f"{len(entries)} robots. Times and ratios: median (worst robot). Times start at the first "
-        "effect of the fault; a fault of a marker has no effect while it is out of view. Also "
+        "effect of the fault; a fault of marker or hand has none while it is out of view. Also "
         "named: number of robots on which something else was named during the fault. Demand: "
         "largest tension demanded by a command at the lengths that the agent measured; tension: "
         "largest true tension."

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
+from experiments.faults.frames import HIDDEN_SHARE
 from experiments.faults.injection import (
-    HIDDEN_SHARE,
     JUMP,
     LATE_STEPS,
     PUSH,
@@ -157,6 +158,82 @@ def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
     np.testing.assert_array_equal(
         detector.detect(frame).poses[0].pose_marker_in_camera, marker.pose_marker_in_camera
     )
+
+
+@pytest.fixture(scope="module")
+def seen() -> Iterator[tuple[FaultyEnv, np.ndarray, np.ndarray]]:
+    """A robot whose hand carries no marker, a frame of it, and the pixels of its hand."""
+    faulty = FaultyEnv(make_env("Posture", None, hand="seen"), None)
+    observation, _ = faulty.reset(seed=0, options={"posture": posture_set()[5]})
+    robot = faulty.world.robot
+    with mujoco.Renderer(robot.model, 480, 640) as renderer:
+        renderer.enable_segmentation_rendering()
+        renderer.update_scene(robot.data, "eye")
+        geoms, kinds = np.moveaxis(renderer.render(), 2, 0)
+    parts = ("hand", "fingers_proximal", "fingers_distal", "thumb_proximal", "thumb_distal")
+    bodies = [robot.model.body(part).id for part in parts]
+    of_hand = np.isin(robot.model.geom_bodyid[geoms], bodies) & (geoms >= 0)
+    pixels = of_hand & (kinds == mujoco.mjtObj.mjOBJ_GEOM)
+    assert 1000 < pixels.sum() < 40_000
+    yield faulty, observation["frame"], pixels
+    faulty.close()
+
+
+def shown_frames(env: FaultyEnv, kind: str, frame: np.ndarray, count: int) -> list[np.ndarray]:
+    """Frames at 0, 0.2, 0.4 s, ... with a fault, of a robot at rest."""
+    env.inject(Injection(kind))
+    frames = [frame.copy() for _ in range(count)]
+    for k, picture in enumerate(frames):
+        time = np.array([0.2 * k])
+        env._disturbed({"lengths": np.zeros(36), "frame": picture, "frame_time": time})
+    return frames
+
+
+def test_a_hand_without_a_marker_is_hidden_for_a_share_of_the_time_and_its_copy_is_elsewhere(
+    seen: tuple[FaultyEnv, np.ndarray, np.ndarray],
+) -> None:
+    env, frame, hand = seen
+    changed = [
+        np.any(picture != frame, axis=2)
+        for picture in shown_frames(env, faults.HAND_HIDDEN, frame, 20)
+    ]
+    shares = np.array([one[hand].mean() for one in changed])
+    assert np.mean(shares > 0.9) == pytest.approx(HIDDEN_SHARE, abs=0.05)
+    assert np.all((shares > 0.9) | (shares == 0.0))
+    sides = [int(np.ptp(at)) for at in np.nonzero(hand)]
+    assert max(one.sum() for one in changed) < 1.8 * sides[0] * sides[1], "little but the hand"
+    assert Injection(faults.HAND_HIDDEN).where == "hand"
+    [copied] = shown_frames(env, faults.SECOND_HAND, frame, 1)
+    new = np.any(copied != frame, axis=2)
+    assert new.sum() > 0.5 * hand.sum()
+    assert new[hand].mean() < 0.1, "the own one is still seen"
+    [mirrored] = shown_frames(env, faults.MIRRORED_HAND, frame, 1)
+    np.testing.assert_array_equal(mirrored, frame[:, ::-1])
+
+
+def test_a_picture_of_the_hand_stays_where_the_hand_was_while_it_moves(
+    seen: tuple[FaultyEnv, np.ndarray, np.ndarray],
+) -> None:
+    env, frame, hand = seen
+    model, data = env.world.robot.model, env.world.robot.data
+    env.inject(Injection(faults.OTHER_HAND))
+    later = np.roll(frame, 60, axis=1)
+    for k, picture in enumerate((frame.copy(), later)):
+        if k:
+            eye = data.camera("eye")
+            focal, depth = (
+                240.0 / np.tan(np.radians(22.5)),
+                -float((data.body("hand").xpos - eye.xpos) @ eye.xmat.reshape(3, 3)[:, 2]),
+            )
+            data.geom_xpos[:] += 60.0 / focal * depth * eye.xmat.reshape(3, 3)[:, 0]
+        time = np.array([0.2 * k])
+        now = {"lengths": np.zeros(36), "frame": picture, "frame_time": time}
+        env.world.robot.data.time += 0.2 * k
+        env._disturbed(now)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_array_equal(later[hand], frame[hand])
+    moved = np.roll(hand, 60, axis=1) & ~hand
+    assert np.mean(np.any(later != np.roll(frame, 60, axis=1), axis=2)[moved]) > 0.9
 
 
 def make_record(named: list[Any], **more: Any) -> dict[str, Any]:
