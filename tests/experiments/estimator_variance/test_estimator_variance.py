@@ -98,6 +98,7 @@ def test_a_cause_with_several_parameters_is_left_out(tmp_path: Path) -> None:
         assert right_candidate(replayer.system, hidden) is None
 
 
+@pytest.mark.slow
 def test_slopes_of_one_realisation_serve_another_with_other_noise(tmp_path: Path) -> None:
     hidden = known("servo_kp", 0.3)
     with Replayer(hidden.study(tmp_path, 0)) as replayer:

@@ -21,8 +21,8 @@ from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
 SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
-QUICK = ("delay", "viscous_friction")
-"""Effects whose tests are not slow: one in time, and one of forces."""
+QUICK = ("viscous_friction",)
+"""Effects whose tests are not slow; those in time are in the tests of `reality_gap`."""
 ON_ELBOW = [
     pytest.param(id, marks=() if id in QUICK else pytest.mark.slow)
     for id in hidden_plants.CATALOGUE

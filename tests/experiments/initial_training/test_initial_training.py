@@ -65,14 +65,19 @@ def test_a_grid_is_whole_even_and_without_repeats(nominal: NominalModel) -> None
     assert {tuple(row) for row in share} <= {tuple(row) for row in whole}
 
 
-def test_the_papers_training_learns_and_repeats_its_bits(nominal: NominalModel) -> None:
-    share = Share(samples=300, least_steps=2_500)
-    jmm, reports = train_as_paper(nominal, 0, share)
-    again, _ = train_as_paper(nominal, 0, share)
-    other, _ = train_as_paper(nominal, 1, share)
+@pytest.mark.slow
+def test_the_papers_training_repeats_its_bits(nominal: NominalModel) -> None:
     probe = np.random.default_rng(0).uniform(nominal.lower, nominal.upper, (20, 14))
-    np.testing.assert_array_equal(jmm.lengths(probe), again.lengths(probe))
-    assert not np.allclose(jmm.lengths(probe), other.lengths(probe))
+    share = Share(samples=300, least_steps=100)
+    one, again, other = (
+        train_as_paper(nominal, seed, share)[0].lengths(probe) for seed in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(one, again)
+    assert not np.allclose(one, other)
+
+
+def test_the_papers_training_learns(nominal: NominalModel) -> None:
+    jmm, reports = train_as_paper(nominal, 0, Share(samples=300, least_steps=2_500))
     errors = evaluate(jmm, nominal, 0)
     for name, report in reports.items():
         assert report.samples == 300

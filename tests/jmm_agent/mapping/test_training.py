@@ -183,11 +183,21 @@ def test_the_second_time_the_map_is_read(tmp_path, monkeypatch):
         assert group.validation_rmse == first.groups[name].validation_rmse
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """The file of a trained map in its cache."""
+    folder = tmp_path_factory.mktemp("kept")
+    load_or_train(nominal_model(), 0, folder, QUICK)
+    (path,) = folder.iterdir()
+    return path
+
+
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_a_broken_cache_file_is_reported_and_the_map_is_trained_again(tmp_path, caplog, content):
-    trained, _ = load_or_train(nominal_model(), 0, tmp_path, QUICK)
-    (path,) = tmp_path.iterdir()
-    path.write_bytes(path.read_bytes()[:-300] if content is None else content)
+def test_a_broken_cache_file_is_reported_and_the_map_is_trained_again(
+    tmp_path, caplog, kept, content
+):
+    trained, path = JointMuscleMap.load(kept), tmp_path / kept.name
+    path.write_bytes(kept.read_bytes()[:-300] if content is None else content)
     with caplog.at_level(logging.WARNING, "jmm_agent"):
         again, report = load_or_train(nominal_model(), 0, tmp_path, QUICK)
     assert "cut off or damaged" in caplog.text

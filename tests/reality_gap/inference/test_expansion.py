@@ -168,7 +168,7 @@ def test_a_fault_is_not_taken_for_deviations(tmp_path: Path, tolerances: list[To
     ("seed", "faulty", "verdict", "names"),
     [
         (4, False, Verdict.NOTHING_WRONG, []),
-        (3, True, Verdict.NAMED, ["link_mass at lower"]),
+        pytest.param(3, True, Verdict.NAMED, ["link_mass at lower"], marks=pytest.mark.slow),
         pytest.param(  # slopes at the null do not lead there
             2, True, Verdict.NAMED, ["link_mass at lower"], marks=pytest.mark.slow
         ),
