@@ -21,7 +21,7 @@ from kengoro_env.arguments import (
     seeds_of_many,
     whole,
 )
-from kengoro_env.env import METADATA, TASKS, KengoroEnv, own_model
+from kengoro_env.env import METADATA, NOT_BEGUN, TASKS, KengoroEnv, own_model
 from kengoro_env.errors import (
     ArgumentError,
     DivergedError,
@@ -234,7 +234,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """
         checked = self._checked(actions)
         if not self._tasks:
-            raise EpisodeError("there is no episode to step (none has begun): call reset")
+            raise EpisodeError(f"there is no episode to step ({NOT_BEGUN}): call reset")
         fleet, begins = self.fleet, self._ended.copy()
         if self._autoreset is AutoresetMode.DISABLED and begins.any():
             raise EpisodeError(
@@ -331,7 +331,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         if self.render_mode is None:
             return None
         if not self._tasks:
-            raise EpisodeError("there is no episode to render (none has begun): call reset")
+            raise EpisodeError(f"there is no episode to render ({NOT_BEGUN}): call reset")
         images = []
         for i in range(self.num_envs):
             env = self._envs[i % len(self._envs)]

@@ -58,7 +58,10 @@ class _Scales:
 
     def __init__(self, space: spaces.Space[Any]) -> None:
         if not isinstance(space, spaces.Dict):
-            raise ArgumentError(f"the observations must be a dict of Kengoro's arm, got {space}")
+            raise ArgumentError(
+                "the observations must be a dict of Kengoro's arm, not a "
+                f"{type(space).__name__}: scale them before any wrapper that flattens them"
+            )
         self._scales = {name: _scale(name, entry) for name, entry in space.spaces.items()}
         low, high = (
             self.flat({name: getattr(entry, bound) for name, entry in space.spaces.items()})

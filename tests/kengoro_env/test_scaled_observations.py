@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import FilterObservation, TimeLimit
+from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
 from kengoro_env import ScaledObservation, ScaledVectorObservation
 from kengoro_env.departures import HeatingMotors
@@ -85,6 +85,19 @@ def test_an_entry_may_be_left_out_and_a_frame_must_be() -> None:
         ScaledObservation(gym.make("Kengoro/CanGrasp-v0"))
     with pytest.raises(ArgumentError, match="must be a dict of Kengoro's arm"):
         ScaledObservation(gym.make("CartPole-v1"))  # type: ignore[arg-type]
+
+
+def test_what_is_flat_already_is_refused_in_one_short_sentence() -> None:
+    sentence = (
+        "the observations must be a dict of Kengoro's arm, not a Box: scale them before any "
+        "wrapper that flattens them"
+    )
+    with pytest.raises(ArgumentError) as single:
+        ScaledObservation(FlattenObservation(gym.make(POSTURE)))  # type: ignore[arg-type]
+    scaled: Any = ScaledVectorObservation(gym.make_vec(POSTURE, 2))
+    with pytest.raises(ArgumentError) as many:
+        ScaledVectorObservation(scaled)
+    assert str(single.value) == str(many.value) == sentence
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
