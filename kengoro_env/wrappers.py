@@ -21,12 +21,12 @@ nominal range. Entries follow each other in the order of the space, which is alp
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
@@ -120,10 +120,13 @@ class ScaledObservation(
         return self._scales.flat(observation)
 
 
-class ScaledVectorObservation(
-    VectorWrapper[Flat, Any, dict[str, NDArray[Any]], Any, NDArray[Any]],
-    gym.utils.RecordConstructorArgs,
-):
+if TYPE_CHECKING:
+    _VectorWrapper = VectorWrapper[Flat, Any, dict[str, NDArray[Any]], Any, NDArray[Any]]
+else:
+    _VectorWrapper = VectorWrapper  # which is not generic before Gymnasium 1.3
+
+
+class ScaledVectorObservation(_VectorWrapper, gym.utils.RecordConstructorArgs):
     """`ScaledObservation` of a vector environment, in any mode of autoreset.
 
     Args:
@@ -139,6 +142,12 @@ class ScaledVectorObservation(
         self._scales = _Scales(env.single_observation_space)
         self.single_observation_space = self._scales.space
         self.observation_space = batch_space(self._scales.space, env.num_envs)
+
+    @property
+    def autoreset_mode(self) -> AutoresetMode:
+        """When an environment that ended is reset; some learning libraries read it here."""
+        mode: AutoresetMode = self.env.metadata["autoreset_mode"]
+        return mode
 
     def reset(self, **arguments: Any) -> tuple[Flat, dict[str, Any]]:
         """Start an episode in each environment; arguments of the wrapped environment."""
