@@ -42,7 +42,7 @@ def test_each_kind_is_flat_and_of_the_fast_environment() -> None:
         assert envs.reset(seed=0)[0].shape == (2, 7)
 
 
-def test_without_stable_baselines_one_sentence_says_what_to_install(
+def test_a_missing_library_is_named_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def missing() -> None:
