@@ -46,15 +46,19 @@ def check_single() -> None:
     assert found["next", "truncated"].sum() == 2
 
 
-def check_many() -> None:
-    """Raw observations and infos of many environments, which reset themselves."""
-    env = GymWrapper(gym.make_vec(ID, COUNT, max_episode_steps=EPISODE, autoreset_mode=MODE))
+def check_many(mode: AutoresetMode) -> None:
+    """Raw observations of many environments, which TorchRL resets or which reset themselves."""
+    many = gym.make_vec(ID, COUNT, max_episode_steps=EPISODE, autoreset_mode=mode)
+    env = GymWrapper(many)
     check_env_specs(env)
     found = env.rollout(2 * EPISODE + 1, break_when_any_done=False)
     assert found.shape == (COUNT, 2 * EPISODE + 1)
     assert found["next", "lengths"].shape == (COUNT, 2 * EPISODE + 1, 3)
     check_rewards(found["next", "reward"])
     assert found["next", "truncated"].sum() == 2 * COUNT
+    if mode is AutoresetMode.SAME_STEP:  # only then it reads infos
+        assert found["next", "success"].dtype == torch.bool
+        check_times(found["next", "time"])
 
 
 def train() -> None:
@@ -105,5 +109,6 @@ def train() -> None:
 
 if __name__ == "__main__":
     check_single()
-    check_many()
+    for mode in (AutoresetMode.DISABLED, AutoresetMode.SAME_STEP):
+        check_many(mode)
     train()
