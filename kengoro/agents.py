@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import READY
 from kengoro.hand_weights import trained_hand
 from kengoro.nominal_robot import NominalRobot
-from kengoro.robots import SIDES, arm_scene, check_can, check_hand, check_seed, sample_within
+from kengoro.robots import SIDES, arm_scene, check_can, check_seed, sample_within
 from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
@@ -223,7 +223,11 @@ def _chosen(
     options = _with_can(options or AgentOptions(), can)
     if hand is not None:
         kind: HandKind = hand if isinstance(hand, str) else "seen"
-        check_hand(kind)
+        if kind not in get_args(HandKind):
+            raise UsageError(
+                f"The hand is {kind!r}, but it must be 'marker' or 'seen'; the file of a detector "
+                f"is given as a Path: hand=Path({kind!r})."
+            )
         options = replace(options, vision=replace(options.vision, hand=kind))
     if hand is None or isinstance(hand, str | Path):
         path = hand if isinstance(hand, Path) else None

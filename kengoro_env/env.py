@@ -63,6 +63,9 @@ OUTSIDE = "outside"
 MOST_PIXELS = 4096
 """Largest width and height of an image."""
 
+NOT_BEGUN = "none has begun"
+"""Why there is no episode before the first reset."""
+
 
 class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Kengoro's arm with a task. Create it with `gymnasium.make`.
@@ -171,7 +174,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         name = self.task.object_name
         self._tracked = None if name is None else TrackedObject(robot.model, name)
         self._steps = steps_of_one(robot, self.bounds, self._entries, self._tracked)
-        self._ended: str | None = "none has begun"
+        self._ended: str | None = NOT_BEGUN
 
     def _make_observation_space(self) -> spaces.Dict:
         muscles = (len(self.muscles),)
@@ -344,9 +347,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             "rgb_array": (height, width, 3) uint8; "depth_array": distances along the camera's axis
             (height, width) float32 [m], that of the far clipping plane where there is nothing;
             otherwise None.
+
+        Raises:
+            EpisodeError: no episode has begun.
         """
         if self.render_mode is None:
             return None
+        if self._ended == NOT_BEGUN:
+            raise EpisodeError(f"there is no episode to render ({NOT_BEGUN}): call reset")
         robot = self.robot
         if self.render_mode == "human" and self._window is None:
             self._window = open_window(robot.model, robot.data)

@@ -21,7 +21,7 @@ from kengoro_env.arguments import (
     seeds_of_many,
     whole,
 )
-from kengoro_env.env import METADATA, TASKS, KengoroEnv, own_model
+from kengoro_env.env import METADATA, NOT_BEGUN, TASKS, KengoroEnv, own_model
 from kengoro_env.errors import (
     ArgumentError,
     DivergedError,
@@ -83,6 +83,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             `reality_gap.Diagnosis`.
 
     Attributes:
+        autoreset_mode: when an environment that ended is reset, an `AutoresetMode`.
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
             ``i``, to read from.
         muscles: names of the muscles, in the order of (num_envs, m) arrays.
@@ -120,7 +121,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
         self._has_own_models = model is not None or models is not None
         self._threads = whole("threads", threads, 0, MOST_THREADS)
-        self._autoreset = _autoreset_mode(autoreset_mode)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
         make = partial(
             KengoroEnv, task, camera=False, render_mode=render_mode, gains=gains,
             control_period=control_period, width=width, height=height, camera_name=camera_name,
@@ -130,7 +131,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._env = self._envs[0]
         self.render_mode = render_mode
         frames = self._env.metadata["render_fps"]
-        self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self._autoreset}
+        self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self.autoreset_mode}
         self._task = _reach_task(self._env)
         self.num_envs = num_envs
         self._dtype = checked_dtype(dtype)
@@ -234,9 +235,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """
         checked = self._checked(actions)
         if not self._tasks:
-            raise EpisodeError("there is no episode to step (none has begun): call reset")
+            raise EpisodeError(f"there is no episode to step ({NOT_BEGUN}): call reset")
         fleet, begins = self.fleet, self._ended.copy()
-        if self._autoreset is AutoresetMode.DISABLED and begins.any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and begins.any():
             raise EpisodeError(
                 f"environment {np.flatnonzero(begins)[0]} has ended: reset it with reset_mask"
             )
@@ -253,7 +254,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._begin(int(i), None, {})
         self._ended = diverged | truncated
         self._known["success"][diverged] = False
-        same_step = self._autoreset is AutoresetMode.SAME_STEP and self._ended.any()
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any()
         final = self._reset_ended(diverged) if same_step else {}
         observed, infos = self._results(np.ones(self.num_envs, dtype=bool))
         if not final:
@@ -331,7 +332,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         if self.render_mode is None:
             return None
         if not self._tasks:
-            raise EpisodeError("there is no episode to render (none has begun): call reset")
+            raise EpisodeError(f"there is no episode to render ({NOT_BEGUN}): call reset")
         images = []
         for i in range(self.num_envs):
             env = self._envs[i % len(self._envs)]

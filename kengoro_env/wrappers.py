@@ -21,12 +21,12 @@ nominal range. Entries follow each other in the order of the space, which is alp
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
@@ -58,7 +58,10 @@ class _Scales:
 
     def __init__(self, space: spaces.Space[Any]) -> None:
         if not isinstance(space, spaces.Dict):
-            raise ArgumentError(f"the observations must be a dict of Kengoro's arm, got {space}")
+            raise ArgumentError(
+                "the observations must be a dict of Kengoro's arm, not a "
+                f"{type(space).__name__}: scale them before any wrapper that flattens them"
+            )
         self._scales = {name: _scale(name, entry) for name, entry in space.spaces.items()}
         low, high = (
             self.flat({name: getattr(entry, bound) for name, entry in space.spaces.items()})
@@ -117,10 +120,13 @@ class ScaledObservation(
         return self._scales.flat(observation)
 
 
-class ScaledVectorObservation(
-    VectorWrapper[Flat, Any, dict[str, NDArray[Any]], Any, NDArray[Any]],
-    gym.utils.RecordConstructorArgs,
-):
+if TYPE_CHECKING:
+    _VectorWrapper = VectorWrapper[Flat, Any, dict[str, NDArray[Any]], Any, NDArray[Any]]
+else:
+    _VectorWrapper = VectorWrapper  # which is not generic before Gymnasium 1.3
+
+
+class ScaledVectorObservation(_VectorWrapper, gym.utils.RecordConstructorArgs):
     """`ScaledObservation` of a vector environment, in any mode of autoreset.
 
     Args:
@@ -136,6 +142,12 @@ class ScaledVectorObservation(
         self._scales = _Scales(env.single_observation_space)
         self.single_observation_space = self._scales.space
         self.observation_space = batch_space(self._scales.space, env.num_envs)
+
+    @property
+    def autoreset_mode(self) -> AutoresetMode:
+        """When an environment that ended is reset; some learning libraries read it here."""
+        mode: AutoresetMode = self.env.metadata["autoreset_mode"]
+        return mode
 
     def reset(self, **arguments: Any) -> tuple[Flat, dict[str, Any]]:
         """Start an episode in each environment; arguments of the wrapped environment."""

@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-CONTRACT = [f"tests/kengoro_env/test_{name}.py" for name in ("env", "vector", "wrappers")]
+CONTRACT = [
+    f"tests/kengoro_env/test_{name}.py"
+    for name in ("env", "vector", "wrappers", "scaled_observations")
+]
 
 
 def accepted() -> str:

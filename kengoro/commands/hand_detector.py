@@ -18,8 +18,16 @@ from kengoro.output_folder import make_folder
 from kengoro.stage_progress import progress_of
 from kengoro_env.assets import assets_root
 
-LEAST_FRAMES = 8
-"""A training needs some frames to learn from, and one to judge it."""
+RANGES = {
+    "frames": (8, 1_000_000),  # 7 to learn from and one to judge by; crops of the most fill 200 GB
+    "samples": (1, 1_000_000_000),
+    "points": (4, 256),  # a map of the crop for each in the network
+    "jobs": (1, 1024),
+    "size": SIZES,
+    "seed": (0, 2**32 - 1),
+    "batch": (2, 4096),
+}
+"""Least and largest values of the options that are numbers."""
 
 
 @dataclass(frozen=True)
@@ -122,17 +130,16 @@ def _check(args: Args) -> None:
     from mjcf_sandbox.files import check_folder
 
     check_model(args.model, args.body, args.camera, args.hide)
-    for name, value, least in (
-        ("frames", args.frames, LEAST_FRAMES), ("samples", args.samples, 1),
-        ("points", args.points, 4), ("jobs", args.jobs, 1), ("size", args.size, SIZES[0]),
-        ("seed", args.seed, 0), ("batch", args.batch, 2),
-    ):  # fmt: skip
-        if value < least:
-            raise UsageError(f"{name} is {value}, but it must be at least {least}.")
     if args.size % 32 or args.size > SIZES[1]:
         raise UsageError(
             f"size is {args.size} px, but it must be a multiple of 32 up to {SIZES[1]} px."
         )
+    for name, (least, most) in RANGES.items():
+        value = getattr(args, name)
+        if value < least:
+            raise UsageError(f"{name} is {value}, but it must be at least {least}.")
+        if value > most:
+            raise UsageError(f"{name} is {value}, but it must be at most {most}.")
     if args.out.is_dir():
         raise UsageError(f"{args.out} is a folder; name a file, such as {args.out / 'hand.zip'}.")
     for folder in (args.out.parent, _folder(args)):

@@ -78,6 +78,8 @@ def test_the_can_keeps_its_marker(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_hand_is_marked_or_seen() -> None:
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
         make_agent(hand="touched")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match=r"given as a Path: hand=Path\('mine.zip'\)\.$"):
+        make_agent(hand="mine.zip")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
         make_env("Posture", hand="none")  # type: ignore[arg-type]
     for other in (3, object(), NoisyHand):

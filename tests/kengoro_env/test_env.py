@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 from kengoro_env.departures import Elongation, HeatingMotors, TendonStretch, actual
 from kengoro_env.env import KengoroEnv
-from kengoro_env.errors import ArgumentError, InvalidActionError, KengoroError
+from kengoro_env.errors import ArgumentError, EpisodeError, InvalidActionError, KengoroError
 from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.vision.rendering import Painter
 from tests.kengoro_env.environments import make
@@ -393,6 +393,27 @@ def test_render_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (picture.shape, picture.dtype) == ((480, 640, 3), np.uint8)
     assert picture.std() > 5.0
     env.close()
+    env.close()
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "depth_array", "human"])
+def test_nothing_is_rendered_before_a_reset(mode: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Gymnasium's OrderEnforcing says of the environments that `gymnasium.make` creates."""
+    monkeypatch.setattr("kengoro_env.env.open_window", lambda *_: pytest.fail("it was opened"))
+    env = make("Kengoro/Elbow-v0", render_mode=mode)
+    with pytest.raises(EpisodeError, match=r"no episode to render \(none has begun\): call reset"):
+        env.render()
+    with pytest.raises(gym.error.ResetNeeded):
+        gym.make("Kengoro/Elbow-v0", render_mode=mode).render()
+
+
+def test_the_end_of_an_episode_can_be_rendered() -> None:
+    env = make("Kengoro/Elbow-v0", render_mode="rgb_array", width=64, height=48)
+    env.reset(seed=0)
+    env.robot.data.qpos[:] = np.nan
+    assert env.step(np.zeros(3, dtype=np.float32))[2]
+    picture = env.render()
+    assert picture is not None
     env.close()
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import cloudpickle
@@ -9,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import FilterObservation, TimeLimit
+from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
 from kengoro_env import ScaledObservation, ScaledVectorObservation
 from kengoro_env.departures import HeatingMotors
@@ -18,6 +21,7 @@ from kengoro_env.spaces import MARGIN
 from tests.kengoro_env.environments import make
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("env_id", [ELBOW, POSTURE])
@@ -87,6 +91,19 @@ def test_an_entry_may_be_left_out_and_a_frame_must_be() -> None:
         ScaledObservation(gym.make("CartPole-v1"))  # type: ignore[arg-type]
 
 
+def test_what_is_flat_already_is_refused_in_one_short_sentence() -> None:
+    sentence = (
+        "the observations must be a dict of Kengoro's arm, not a Box: scale them before any "
+        "wrapper that flattens them"
+    )
+    with pytest.raises(ArgumentError) as single:
+        ScaledObservation(FlattenObservation(gym.make(POSTURE)))  # type: ignore[arg-type]
+    scaled: Any = ScaledVectorObservation(gym.make_vec(POSTURE, 2))
+    with pytest.raises(ArgumentError) as many:
+        ScaledVectorObservation(scaled)
+    assert str(single.value) == str(many.value) == sentence
+
+
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("more", [{}, {"dtype": np.float32}], ids=["double", "single"])
 def test_many_are_scaled_as_single_ones(mode: AutoresetMode, more: dict[str, Any]) -> None:
@@ -118,3 +135,31 @@ def test_a_copy_continues_and_the_wrapper_is_in_the_specification() -> None:
     assert env.spec is not None
     again = gym.make(env.spec)
     assert np.array_equal(again.reset(seed=0)[0], env.reset(seed=0)[0])
+
+
+OLD_GYMNASIUM = """
+from gymnasium import vector
+class VectorWrapper(vector.VectorWrapper):
+    def __class_getitem__(cls, types):
+        raise TypeError(f"{cls} is not a generic class")
+vector.VectorWrapper = VectorWrapper
+import gymnasium, kengoro_env
+envs = gymnasium.make_vec("Kengoro/Elbow-v0", 2)
+print(kengoro_env.ScaledVectorObservation(envs).reset(seed=0)[0].shape)
+"""
+
+
+def test_a_gymnasium_with_wrappers_that_are_not_generic_is_enough() -> None:
+    """As 1.2.2, which RLlib pins."""
+    command = [sys.executable, "-c", OLD_GYMNASIUM]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert ended.stdout.strip() == "(2, 7)", ended.stderr
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_learning_libraries_find_the_mode_of_autoreset(mode: AutoresetMode) -> None:
+    """TorchRL reads the attribute, as `gymnasium.vector.SyncVectorEnv` has it."""
+    many: Any = gym.make_vec(ELBOW, 2, autoreset_mode=mode)
+    assert many.autoreset_mode is many.metadata["autoreset_mode"] is mode
+    assert ScaledVectorObservation(many).autoreset_mode is mode
+    assert ScaledVectorObservation(gym.make_vec(ELBOW, 2)).autoreset_mode is AutoresetMode.NEXT_STEP

@@ -37,6 +37,12 @@ OWN = ["--body", "gripper", "--camera", "above", "--hide", "tag"]
         ([str(STRANGER), *OWN, "--size", "2048"], "size is 2048 px, but it must be a multiple of"),
         ([str(STRANGER), *OWN, "--frames", "1"], "frames is 1, but it must be at least 8"),
         ([str(STRANGER), *OWN, "--points", "3"], "points is 3, but it must be at least 4"),
+        ([str(STRANGER), *OWN, "--points", "100000"], "points is 100000, but it must be at most 2"),
+        ([str(STRANGER), *OWN, "--frames", "9999999"], "frames is 9999999, but it must be at most"),
+        ([str(STRANGER), *OWN, "--samples", "1" + "0" * 20], "000, but it must be at most 10000"),
+        ([str(STRANGER), *OWN, "--jobs", "100000"], "jobs is 100000, but it must be at most 1024"),
+        ([str(STRANGER), *OWN, "--batch", "1000000"], "batch is 1000000, but it must be at most 4"),
+        ([str(STRANGER), *OWN, "--seed", "1" + "0" * 30], "000, but it must be at most 4294967295"),
     ],
 )
 def test_what_cannot_be_trained_on_is_named_and_nothing_is_left(
