@@ -187,8 +187,8 @@ def test_no_lens_folds_the_view(lens: float, solid: bool) -> None:
     unknowns = np.array([0.0] * 7 + [lens])
     slopes = []
     for pose in poses(1) * 40:
-        turned, place = pose.copy(), len(slopes) / 40.0
-        turned[:3, 3] = 0.6 * np.array([place, 0.3 * place, 1.0])
+        turned, aside = pose.copy(), len(slopes) / 40.0
+        turned[:3, 3] = 0.6 * np.array([aside, 0.3 * aside, 1.0])
         straight = corrected(turned, unknowns, solid)
         assert 0.3 < straight[2, 3] < 1.0
         assert np.abs(camera_columns(turned, unknowns, solid)).max() < 60.0
