@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from reality_gap.report.engines import engine_input
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.study.data import Study
 from reality_gap.study.system import compile_system
+from tests.library_environments import environment
 
 JOINTS = """
 <mujoco>
@@ -60,6 +64,39 @@ def test_friction_with_a_state_becomes_friction_loss_for_mjx(rubbed: mujoco.MjSp
     assert found.lacking == ()
     names = [model.actuator(i).name for i in range(model.nactuator)]
     assert names == ["flexor", "extensor"]
+
+
+@pytest.mark.slow
+def test_a_step_of_mjx_is_that_of_mujoco(
+    lever_study: Study, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """Of the lever as it is, and as diagnoses extend it, in motion."""
+    system, chosen, paths = compile_system(lever_study), [], []
+    for id, value in (
+        ("coulomb_friction", {"friction": 3.0}),
+        ("viscous_friction", {"damping": 40.0}),
+        ("force_scale", {"excess": 0.3}),
+        ("length_offset", {"offset": 0.002}),
+    ):
+        model = build(system, chosen).spec
+        paths.append(tmp_path / f"{len(chosen)}.xml")
+        paths[-1].write_text(engine_input(model, "mjx").spec.to_xml(), encoding="utf-8")
+        cause = find_cause(id)
+        location = next(p for p in cause.locations(system) if "flexor" in p.elements)
+        candidate = Candidate(cause, location, cause.parameters(system, location))
+        chosen.append((candidate, candidate.null_values() | value))
+    python = environment(request.config, "mujoco-mjx", f"mujoco=={mujoco.__version__}")
+    program = Path(__file__).with_name("mjx_steps.py")
+    ended = subprocess.run(
+        [python, program, *paths],
+        env={**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, ended.stderr[-4000:]
+    for found in json.loads(ended.stdout.splitlines()[-1]):
+        assert found["difference"] < 1e-4
+        assert found["change"] > 1e-3, "a lever at rest shows nothing"
 
 
 def test_warp_has_the_friction_with_a_state(rubbed: mujoco.MjSpec) -> None:
