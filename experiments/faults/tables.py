@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.faults.frames import OF_HAND
 from experiments.harness.report import Table
 from experiments.harness.statistics import median_cell, metric
 from jmm_agent.guard import faults
@@ -44,7 +45,7 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
     right = [
         time - shown
         for kind, where, times in trial["named"]
-        if (kind, where) == (trial["kind"], trial["where"])
+        if where == trial["where"] and kind in _right_names(trial["kind"])
         for time in times
         if time >= shown
     ]
@@ -72,6 +73,12 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         "not_finite": trial["not_finite"],
         "taken_back": trial["taken_back"],
     }
+
+
+def _right_names(kind: str) -> tuple[str, ...]:
+    """Names of a fault. Which one of a hand without a marker is named depends on what its detector
+    takes the frame for: it may see no hand in a mirrored one."""
+    return OF_HAND if kind in OF_HAND else (kind,)
 
 
 def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
@@ -126,8 +133,9 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
     )  # fmt: skip
     note = (
         f"{len(entries)} robots. Times and ratios: median (worst robot). Times start at the first "
-        "effect of the fault; a fault of marker or hand has none while it is out of view. Also "
-        "named: number of robots on which something else was named during the fault. Demand: "
+        "effect of the fault; a fault of marker or hand has none while it is out of view. For one "
+        "of a hand without a marker any of them counts: the detector may see none in a mirrored "
+        "frame. Also named: number of robots on which something else was named during the fault. Demand: "
         "largest tension demanded by a command at the lengths that the agent measured; tension: "
         "largest true tension."
     )

@@ -287,6 +287,22 @@ def test_namings_are_counted_as_right_wrong_or_late() -> None:
     assert row[faults.PUSHED][5] == 1
 
 
+def test_any_name_of_a_hand_without_a_marker_is_a_right_one() -> None:
+    entry = {}
+    for kind, where in ((faults.HAND_HIDDEN, "hand"), (faults.MARKER_HIDDEN, "marker")):
+        named = [[kind, where, [100.5]]]
+        found = seed_entry(
+            {
+                "learning": make_record([]),
+                "trials": {faults.MIRRORED_HAND: trial(faults.MIRRORED_HAND, "hand", named)},
+            }
+        )
+        entry[kind] = found[faults.MIRRORED_HAND]
+    assert entry[faults.HAND_HIDDEN]["noticed_after_s"] == 0.5
+    assert entry[faults.HAND_HIDDEN]["also_named"] == ["hand_hidden hand"]
+    assert entry[faults.MARKER_HIDDEN]["noticed_after_s"] is None
+
+
 def test_seconds_count_from_when_a_fault_shows() -> None:
     named, entries = [faults.SECOND_MARKER, "marker", [104.5]], {}
     for seed, shown in enumerate((100.0, 104.0, None)):
