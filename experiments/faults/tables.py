@@ -135,7 +135,8 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
         f"{len(entries)} robots. Times and ratios: median (worst robot). Times start at the first "
         "effect of the fault; a fault of marker or hand has none while it is out of view. For one "
         "of a hand without a marker any of them counts: the detector may see none in a mirrored "
-        "frame. Also named: number of robots on which something else was named during the fault. Demand: "
+        "frame. Also named: number of robots on which something else was named during the fault. "
+        "Demand: "
         "largest tension demanded by a command at the lengths that the agent measured; tension: "
         "largest true tension."
     )
