@@ -5,7 +5,8 @@ that neither shape nor nearness shows which one is which. The movement does: wha
 error of the expected pose, it moves from one frame to another much as the own hand does. Hands are
 followed over frames, and each movement of a hand is compared with three explanations:
 
-- own: it moved in the camera as the expected pose did, but for a share of the movement;
+- own: it moved in the camera as the expected pose did, but for a share of the movement, which is
+  small for a robot that has learned, and unknown;
 - still: it stayed where it was in the world, while the camera may have turned with the head, or
   where it was in the camera;
 - otherwise: it moved by itself, by any amount.
@@ -21,7 +22,7 @@ movements do not speak against it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,10 +35,12 @@ from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 
 LEAST_ERROR = (0.01, np.radians(3.0))
 """Standard deviations of any predicted movement along and about each axis [m, rad]."""
-SHARE = 0.3
-"""Standard deviation of a predicted movement, as a share of it [1]: joints that are 17 deg off turn
-its direction by as much. Before a robot has learned, each joint is off by about 12 deg, elsewhere
-by other errors."""
+SHARES = 0.15, 0.3
+"""Standard deviations of a predicted movement, as shares of it, both as likely [1]: joints that are
+10 or 17 deg off turn its direction by as much. Before a robot has learned, each of its joints is off
+by about 12 deg, by errors that change with the posture."""
+USUAL = 0.3
+"""The one of a movement that is to distinguish hands [1]."""
 LEVER = 0.06
 """By how much the expected hand may be displaced along each axis [m]; a turn of it by an angle adds
 the standard deviation `LEVER` times this angle."""
@@ -240,18 +243,31 @@ def explain(before: Sample, now: Sample) -> Explained:
     own = moved(start, before.expected.hand, now.expected.hand)
     went = [difference(own, stay) for stay in stays]
     measured = before.hand.covariance + now.hand.covariance
-    errors = np.square(LEAST_ERROR) + np.square(SHARE * _sizes(difference(stays[0], start)))
-    of_still = measured + _diagonal(errors)
-    size = _sizes(went[0])
-    errors = errors + np.square(SHARE * size) + np.square([LEVER * size[1], 0.0])
-    of_own = measured + _diagonal(errors)
-    of_other = of_still + _diagonal(np.square(OTHERWISE))
+    turned, size = _sizes(difference(stays[0], start)), _sizes(went[0])
+
+    def of_still(share: float) -> Floats:
+        return measured + _diagonal(np.square(LEAST_ERROR) + np.square(share * turned))
+
+    def of_own(share: float) -> Floats:
+        errors = np.square(share * size) + np.square([LEVER * size[1], 0.0])
+        return of_still(share) + _diagonal(errors)
+
+    usual = of_own(USUAL)
     return Explained(
-        _log_normal(difference(end, own), of_own),
-        max(_log_normal(difference(end, stay), of_still) for stay in stays),
-        _log_normal(difference(end, stays[0]), of_other),
-        all(bool(each @ np.linalg.solve(of_own, each) >= DISTINCT**2) for each in went),
+        _mean(_log_normal(difference(end, own), of_own(share)) for share in SHARES),
+        max(
+            _mean(_log_normal(difference(end, stay), of_still(share)) for share in SHARES)
+            for stay in stays
+        ),
+        _log_normal(difference(end, stays[0]), of_still(USUAL) + _diagonal(np.square(OTHERWISE))),
+        all(bool(each @ np.linalg.solve(usual, each) >= DISTINCT**2) for each in went),
     )
+
+
+def _mean(logarithms: Iterable[float]) -> float:
+    """Logarithm of the mean of densities."""
+    each = list(logarithms)
+    return float(np.logaddexp.reduce(each) - np.log(len(each)))
 
 
 def moved(pose: Floats, before: Floats, after: Floats) -> Floats:
