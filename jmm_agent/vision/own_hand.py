@@ -37,8 +37,8 @@ LEAST_ERROR = (0.01, np.radians(3.0))
 """Standard deviations of any predicted movement along and about each axis [m, rad]."""
 SHARES = 0.15, 0.3
 """Standard deviations of a predicted movement, as shares of it, both as likely [1]: joints that are
-10 or 17 deg off turn its direction by as much. Before a robot has learned, each of its joints is off
-by about 12 deg, by errors that change with the posture."""
+10 or 17 deg off turn its direction by as much. Before a robot has learned, each joint of it is
+off by about 12 deg, by errors that change with the posture."""
 USUAL = 0.3
 """The one of a movement that is to distinguish hands [1]."""
 LEVER = 0.06
