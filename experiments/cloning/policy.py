@@ -1,18 +1,15 @@
-"""A cloned policy, computed by NumPy, and episodes in which it moves a robot."""
+"""A cloned policy, computed by NumPy, and whether it lifts the can."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.clone_grasp.features import STRIDE, features
+from experiments.cloning.rows import RowArm
 from jmm_agent.types import Floats
-from kengoro.demonstrations.robot import episode_seed
-from kengoro.hand_search import READY
-from kengoro.robots import make_env
-from kengoro_env.env import KengoroEnv
 
 LARGEST = 5.0
 """Standardised inputs are clipped to this, so that a strange reading does no harm."""
@@ -29,7 +26,7 @@ class ClonedPolicy:
     """Commands from inputs.
 
     Args:
-        path: npz file that `experiments.clone_grasp.training` wrote.
+        path: npz file that `experiments.cloning.training` wrote.
         history: whether its inputs hold earlier readings.
     """
 
@@ -51,38 +48,23 @@ class ClonedPolicy:
         return np.clip(command, -1.0, 1.0).astype(np.float32)
 
 
-def lifts(
-    policy: ClonedPolicy, robot: int | None, seeds_of: int, count: int, rows: int
-) -> list[bool]:
+def lifts(policy: ClonedPolicy, robot: int | None, seeds: Iterable[int], rows: int) -> list[bool]:
     """Whether a policy lifts the can, in some episodes.
 
     Args:
         policy: moves the robot.
         robot: seed of the actual robot; None: the drawing.
-        seeds_of: robot whose episodes' seeds are taken, from which the can's positions follow.
-        count: number of episodes.
+        seeds: of the episodes, from which the can's positions follow.
         rows: longest duration of an episode, in periods of the camera.
     """
-    env = make_env("CanGrasp", robot, camera=False)
-    world = env.unwrapped
-    assert isinstance(world, KengoroEnv)
-    found = [_lifts(policy, world, episode_seed(seeds_of, number), rows) for number in range(count)]
-    env.close()
-    return found
-
-
-def _lifts(policy: ClonedPolicy, world: KengoroEnv, seed: int, rows: int) -> bool:
-    observation, info = world.reset(seed=seed, options={"posture": np.array(READY)})
-    can = info["can_pose"][:2, 3].copy()
-    readings: list[Floats] = []
-    command = world.lengths_to_action(observation["lengths"])
-    for _ in range(rows):
-        readings.append(np.append(observation["lengths"], observation["tensions"]))
-        before, command = command, policy(features(readings, can, policy.history))
-        for step in range(1, STRIDE + 1):
-            action = before + (command - before) * np.float32(step / STRIDE)
-            action[-1] = command[-1]
-            observation, _, ended, _, info = world.step(np.clip(action, -1.0, 1.0))
+    arm = RowArm(robot)
+    found = []
+    for seed in seeds:
+        arm.reset(seed)
+        for _ in range(rows):
+            _, ended, info = arm.step(policy(arm.inputs(policy.history)))
             if info["success"] or ended:
-                return bool(info["success"])
-    return False
+                break
+        found.append(bool(info["success"]))
+    arm.close()
+    return found
