@@ -1,8 +1,9 @@
 """Behaviour cloning of grasps, judged on other robots beside the learning agent.
 
-Robots learn and grasp (`kengoro dataset`). Two policies are cloned from that, one with a history of
-readings and one without. Both move robots that they were not cloned from, and the drawing. On the
-same robots the learning agent learns first, and then grasps cans at the same positions.
+Robots learn and grasp (`kengoro dataset`). Two policies are cloned from that, one with the
+readings of the start and one without. Both move robots that they were not cloned from, and the
+drawing. On the same robots the learning agent learns first, and then grasps cans at the same
+positions.
 """
 
 from __future__ import annotations
@@ -43,11 +44,12 @@ NAME = "clone-grasp"
 TITLE = "Behaviour cloning of grasps"
 INTRODUCTION = (
     "Two policies are cloned from grasps of robots that have learned: one is given the present "
-    "readings of lengths and tensions, the time and the can's position, the other earlier "
-    "readings, too. A lifted can is one that the hand held for 1 s at 30 mm above its start."
+    "readings of lengths and tensions, the time and the can's position, the other those of the "
+    "start, too, from which its commands count. A lifted can is one that the hand held for 1 s at "
+    "30 mm above its start."
 )
 HISTORY = {"history": True, "present": False}
-"""The cloned policies, and whether their inputs hold earlier readings."""
+"""The cloned policies, and whether their inputs hold the readings of the start."""
 NAMES = {
     "agent": "learning agent",
     "history": "cloned, with a history",
@@ -118,7 +120,7 @@ def main(args: Args) -> Summary:
     log_reported(NAME, [*judged, *cloned])
     sizes = QUICK if args.quick else Sizes()
     source = source_digest("experiments/clone_grasp", "experiments/cloning")
-    found = demonstrations(args, cloned, sizes, source)
+    found = demonstrations(args, cloned, sizes)
     policies = {name: clone_named(args.out, found, name, sizes, source) for name in HISTORY}
     rows = max(len(one) for robot in found for one in robot.episodes) // STRIDE + 1
     results = judge(args, judged, policies, rows, sizes, source)
@@ -126,16 +128,14 @@ def main(args: Args) -> Summary:
     return conclude(args, sizes, judged, results, lifted, time.perf_counter() - begin)
 
 
-def demonstrations(
-    args: Args, robots: Sequence[int], sizes: Sizes, source: str
-) -> list[RobotEpisodes]:
+def demonstrations(args: Args, robots: Sequence[int], sizes: Sizes) -> list[RobotEpisodes]:
     """Grasps to clone from, in a folder that is named by the code that they depend on.
 
     Raises:
         ExperimentError: a file in the folder is damaged.
     """
     plan = Plan(tuple(robots), sizes.demonstrations, sizes.trial)
-    known = files_digest([], f"{source} {asdict(plan)}")
+    known = files_digest([], f"{source_digest()} {asdict(plan)}")  # cloning changes none of it
     folder = args.out / f"data-{known[:8]}"
     with progress_bar("demonstrations", len(robots) * sizes.demonstrations) as advance:
 

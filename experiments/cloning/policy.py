@@ -35,15 +35,20 @@ class ClonedPolicy:
         with np.load(path, allow_pickle=False) as stored:
             self._arrays = {name: stored[name].astype(float) for name in stored.files}
 
-    def __call__(self, inputs: Floats) -> NDArray[np.float32]:
-        """Command at the end of the present row, shape (m + 1,), for inputs (D,)."""
+    def __call__(self, inputs: Floats, origin: Floats) -> NDArray[np.float32]:
+        """Command at the end of the present row, shape (m + 1,).
+
+        Args:
+            inputs: shape (D,), see `features`.
+            origin: command from which those of the policy count, shape (m + 1,).
+        """
         own = self._arrays
         values = standardised(inputs, own["input_mean"], own["input_scale"])
         for layer in LAYERS:
             values = own[f"{layer}_weight"] @ values + own[f"{layer}_bias"]
             if layer != LAYERS[-1]:
                 values = np.maximum(values, 0.0)
-        command = own["output_mean"] + own["output_scale"] * values
+        command = origin + own["output_mean"] + own["output_scale"] * values
         command[-1] = 1.0 if command[-1] > 0.0 else -1.0  # the fingers open or close
         return np.clip(command, -1.0, 1.0).astype(np.float32)
 
@@ -61,8 +66,9 @@ def lifts(policy: ClonedPolicy, robot: int | None, seeds: Iterable[int], rows: i
     found = []
     for seed in seeds:
         arm.reset(seed)
+        start = arm.origin(policy.history)
         for _ in range(rows):
-            _, ended, info = arm.step(policy(arm.inputs(policy.history)))
+            _, ended, info = arm.step(policy(arm.inputs(policy.history), start))
             if info["success"] or ended:
                 break
         found.append(bool(info["success"]))

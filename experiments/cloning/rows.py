@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.cloning.features import STRIDE, features
+from experiments.cloning.features import STRIDE, features, origin
 from jmm_agent.types import Floats
 from kengoro.hand_search import READY
 from kengoro.robots import make_env
@@ -45,6 +45,10 @@ class RowArm:
     def inputs(self, history: bool) -> Floats:
         """Input of a policy now, see `features`, shape (D,)."""
         return features(self._readings, self._can, history)
+
+    def origin(self, history: bool) -> Floats:
+        """Command (m + 1,) from which those of a policy count, see `origin`."""
+        return origin(self._readings[0][: len(self._command) - 1], history)
 
     def step(self, command: NDArray[np.floating[Any]]) -> tuple[float, bool, dict[str, Any]]:
         """Move to a command in one row.

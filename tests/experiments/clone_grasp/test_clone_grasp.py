@@ -23,7 +23,7 @@ def test_a_damaged_demonstration_is_one_sentence(
 
     monkeypatch.setattr(run, "make_datasets", make_datasets)
     with pytest.raises(ExperimentError, match="damaged; remove it"):
-        run.demonstrations(Args(out=tmp_path), [0, 1], Sizes(), "source")
+        run.demonstrations(Args(out=tmp_path), [0, 1], Sizes())
 
 
 def results(agent: float, history: float, present: float) -> dict[str, dict[str, list[bool]]]:
