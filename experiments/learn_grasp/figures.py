@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -17,30 +17,42 @@ from experiments.harness.report import Picture, png
 LEARNED, GREY = "#0072B2", "#666666"
 
 
-def learning_curve(unit: str, learned: Mapping[int, Mapping[str, Any]], must: float) -> Picture:
-    """Share of lifted cans on the drawing, of each seed and their median.
+def learning_curves(unit: str, learned: Mapping[int, Mapping[str, Any]], must: float) -> Picture:
+    """Share of lifted cans on the drawing, and the reward where that was learned from.
 
     Args:
         unit: of the amount of learning.
         learned: results by seed, see `Learned`.
-        must: share that is to be reached.
+        must: share of lifted cans that is to be reached.
     """
     results = list(learned.values())
-    at = results[0]["at"]
-    shares = np.array([[np.mean(episodes) for episodes in one["lifted"]] for one in results])
-    figure, axis = pyplot.subplots(figsize=(7, 4.2), layout="constrained")
-    for number, own in enumerate(shares):
-        axis.plot(at, own, ".-", color=LEARNED, alpha=0.35, lw=1, label="" if number else "seed")
-    axis.plot(at, np.median(shares, axis=0), "o-", ms=5, color=LEARNED, label="median")
-    axis.axhline(must, color=GREY, ls="--", lw=1.2, label="to be reached")
-    axis.set(
-        xlabel=unit, ylabel="episodes with a lifted can [1]", ylim=(-0.03, 1.05), xlim=(0, None)
+    shown: dict[str, tuple[str, float | None]] = {
+        "lifted": ("episodes with a lifted can [1]", must)
+    }
+    if "reward" in results[0]:
+        shown["reward"] = ("mean reward of a step [1]", None)
+    figure, axes = pyplot.subplots(
+        1, len(shown), figsize=(1 + 6 * len(shown), 4.2), layout="constrained", squeeze=False
     )
-    axis.legend(loc="center right", fontsize=8)
+    for axis, (name, (label, threshold)) in zip(axes[0], shown.items(), strict=True):
+        _curves(axis, results, name)
+        if threshold is not None:
+            axis.axhline(threshold, color=GREY, ls="--", lw=1.2, label="to be reached")
+        axis.set(xlabel=unit, ylabel=label, ylim=(-0.03, 1.05), xlim=(0, None))
+        axis.legend(loc="center right", fontsize=8)
     picture = Picture(
-        "Lifted cans on the drawing, at positions that were not learned from",
+        "Episodes on the drawing, at positions of the can that were not learned from",
         png(figure),
         f"{len(results)} seeds of the training.",
     )
     pyplot.close(figure)
     return picture
+
+
+def _curves(axis: Any, results: Sequence[Mapping[str, Any]], name: str) -> None:
+    """Mean over episodes of each seed, and the median over seeds."""
+    at = results[0]["at"]
+    means = np.array([[np.mean(episodes) for episodes in one[name]] for one in results])
+    for number, own in enumerate(means):
+        axis.plot(at, own, ".-", color=LEARNED, alpha=0.35, lw=1, label="" if number else "seed")
+    axis.plot(at, np.median(means, axis=0), "o-", ms=5, color=LEARNED, label="median")

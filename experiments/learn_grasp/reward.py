@@ -34,7 +34,7 @@ LENGTH = 0.05
 """Unit of lengths [m]."""
 CHANGE = 0.1
 """Largest change of a command in a row, as share of half the range of commands. The agent changes
-none by more than 0.12 in its grasps."""
+none by more than 0.06 in its grasps on the drawing."""
 SETTINGS: dict[str, Any] = {
     "n_steps": 1024,
     "batch_size": 256,

@@ -115,7 +115,7 @@ def conclude(
         work_s: duration of all tasks [s].
         wall_s: duration of the run [s].
     """
-    from experiments.learn_grasp.figures import learning_curve  # imports matplotlib
+    from experiments.learn_grasp.figures import learning_curves  # imports matplotlib
 
     last = {seed: float(np.mean(one["lifted"][-1])) for seed, one in learned.items()}
     robots = list(next(iter(learned.values()))["robots"])
@@ -131,7 +131,7 @@ def conclude(
             values = {seed: float(np.mean(one[name][-1])) for seed, one in learned.items()}
             metrics[name] = metric(values, unit, good=good)
     table = result_table(args.by, learned)
-    picture = learning_curve(UNITS[args.by], learned, MUST)
+    picture = learning_curves(UNITS[args.by], learned, MUST)
     per_seed = {
         seed: {
             "at": one["at"],
