@@ -68,6 +68,7 @@ RUNNERS = {
     "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),
     "lab-faults": Runner("killed processes and broken lines: who stops the robot, how soon"),
     "learn-posture": Runner("reinforcement learning from the reward alone"),
+    "learn-grasp": Runner("grasps on the drawing, from demonstrations or from the reward"),
     "clone-grasp": Runner("grasps cloned from robots that have learned, on other robots"),
     "posterior-policy": Runner("policies trained on what a diagnosis leaves open"),
     "learnability": Runner("what can be learned from which data, and the lower bound"),

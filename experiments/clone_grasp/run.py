@@ -1,16 +1,13 @@
 """Behaviour cloning of grasps, judged on other robots beside the learning agent.
 
-Robots learn and grasp (`kengoro dataset`). Two policies are cloned from that, one with a history of
-readings and one without. Both move robots that they were not cloned from, and the drawing. On the
-same robots the learning agent learns first, and then grasps cans at the same positions.
+Robots learn and grasp (`kengoro dataset`). Two policies are cloned from that, one with the
+readings of the start and one without. Both move robots that they were not cloned from, and the
+drawing. On the same robots the learning agent learns first, and then grasps cans at the same
+positions.
 """
 
 from __future__ import annotations
 
-import io
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -20,10 +17,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.clone_grasp.features import STRIDE, examples
-from experiments.clone_grasp.policy import ClonedPolicy, lifts
+from experiments.cloning.cloning import Training, clone, clone_examples
+from experiments.cloning.features import STRIDE
+from experiments.cloning.policy import ClonedPolicy, lifts
 from experiments.harness.common import (
-    ROOT,
     Summary,
     check_jobs,
     files_digest,
@@ -38,21 +35,21 @@ from experiments.harness.reported import log_reported
 from experiments.harness.runner import progress_bar, run_tasks
 from experiments.harness.statistics import metric
 from kengoro.demonstrations.dataset import Plan, make_datasets
-from kengoro.demonstrations.robot import grasps, learned_agent
+from kengoro.demonstrations.robot import episode_seed, grasps, learned_agent
 from kengoro.demonstrations.robot_file import RobotEpisodes
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
-from mjcf_sandbox.files import write_bytes
 
 NAME = "clone-grasp"
 TITLE = "Behaviour cloning of grasps"
 INTRODUCTION = (
     "Two policies are cloned from grasps of robots that have learned: one is given the present "
-    "readings of lengths and tensions, the time and the can's position, the other earlier "
-    "readings, too. A lifted can is one that the hand held for 1 s at 30 mm above its start."
+    "readings of lengths and tensions, the time and the can's position, the other those of the "
+    "start, too, from which its commands count. A lifted can is one that the hand held for 1 s at "
+    "30 mm above its start."
 )
 HISTORY = {"history": True, "present": False}
-"""The cloned policies, and whether their inputs hold earlier readings."""
+"""The cloned policies, and whether their inputs hold the readings of the start."""
 NAMES = {
     "agent": "learning agent",
     "history": "cloned, with a history",
@@ -122,25 +119,23 @@ def main(args: Args) -> Summary:
         )
     log_reported(NAME, [*judged, *cloned])
     sizes = QUICK if args.quick else Sizes()
-    source = source_digest("experiments/clone_grasp")
-    found = demonstrations(args, cloned, sizes, source)
-    policies = {name: clone(args.out, found, name, sizes, source) for name in HISTORY}
+    source = source_digest("experiments/clone_grasp", "experiments/cloning")
+    found = demonstrations(args, cloned, sizes)
+    policies = {name: clone_named(args.out, found, name, sizes, source) for name in HISTORY}
     rows = max(len(one) for robot in found for one in robot.episodes) // STRIDE + 1
     results = judge(args, judged, policies, rows, sizes, source)
     lifted = [one.lifted for robot in found for one in robot.episodes]
     return conclude(args, sizes, judged, results, lifted, time.perf_counter() - begin)
 
 
-def demonstrations(
-    args: Args, robots: Sequence[int], sizes: Sizes, source: str
-) -> list[RobotEpisodes]:
+def demonstrations(args: Args, robots: Sequence[int], sizes: Sizes) -> list[RobotEpisodes]:
     """Grasps to clone from, in a folder that is named by the code that they depend on.
 
     Raises:
         ExperimentError: a file in the folder is damaged.
     """
     plan = Plan(tuple(robots), sizes.demonstrations, sizes.trial)
-    known = files_digest([], f"{source} {asdict(plan)}")
+    known = files_digest([], f"{source_digest()} {asdict(plan)}")  # cloning changes none of it
     folder = args.out / f"data-{known[:8]}"
     with progress_bar("demonstrations", len(robots) * sizes.demonstrations) as advance:
 
@@ -154,52 +149,20 @@ def demonstrations(
             raise ExperimentError(str(error)) from error
 
 
-def clone(out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, source: str) -> Path:
-    """Train a policy in a process of its own, unless that is done; the path of its file.
+def clone_named(
+    out: Path, found: Sequence[RobotEpisodes], name: str, sizes: Sizes, source: str
+) -> Path:
+    """Train a policy of `HISTORY` unless that is done; the path of its file.
 
     Raises:
-        ExperimentError: the training failed.
+        ExperimentError: the training failed, or the can was lifted in no demonstration.
     """
-    content = io.BytesIO()
-    np.savez(content, **clone_examples(found, HISTORY[name]))
     known = files_digest([], f"{source} {asdict(sizes)}")
     path = out / "policies" / f"{name}-{known[:8]}.npz"
-    table = path.with_name(f"{name}-examples.npz")
-    if path.exists() and table.exists() and table.read_bytes() == content.getvalue():
-        return path
-    write_bytes(table, content.getvalue())
-    job = {
-        "examples": str(table.resolve()), "policy": str(path.resolve()), "epochs": sizes.epochs,
-        "seed": 0,
-    }  # fmt: skip
-    command = [sys.executable, "-m", "experiments.clone_grasp.training", json.dumps(job)]
+    pairs = ((robot.robot, episode) for robot in found for episode in robot.episodes)
+    arrays = clone_examples(pairs, HISTORY[name])
     with Console().status(f"Cloning: {NAMES[name]} ..."):
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise ExperimentError(f"The training of the policy {name!r} failed: {last}")
-    return path
-
-
-def clone_examples(found: Sequence[RobotEpisodes], history: bool) -> dict[str, Any]:
-    """Inputs, commands and robots of all rows of the episodes in which the can was lifted.
-
-    Raises:
-        ExperimentError: it was in none.
-    """
-    parts = [
-        (*examples(episode, history), robot.robot)
-        for robot in found
-        for episode in robot.episodes
-        if episode.lifted
-    ]
-    if not parts:
-        raise ExperimentError("The can was lifted in no demonstration, so that nothing is cloned.")
-    return {
-        "inputs": np.concatenate([inputs for inputs, _, _ in parts]),
-        "commands": np.concatenate([commands for _, commands, _ in parts]),
-        "robots": np.concatenate([np.full(len(inputs), robot) for inputs, _, robot in parts]),
-    }
+        return clone(path, arrays, Training(sizes.epochs))
 
 
 def judge(
@@ -226,7 +189,8 @@ def judge(
 def run_agent(robot: int, sizes: Sizes, cache: Path | None) -> list[bool]:
     """Let the agent learn on a robot, and grasp."""
     agent = learned_agent(robot, sizes.trial, cache)
-    found = [bool(one.success.any()) for one in grasps(agent, robot, sizes.episodes, sizes.trial)]
+    seeds = [episode_seed(robot, number) for number in range(sizes.episodes)]
+    found = [bool(one.success.any()) for one in grasps(agent, robot, seeds, sizes.trial)]
     agent.close()
     return found
 
@@ -235,7 +199,8 @@ def run_cloned(path: Path, name: str, robot: int | None, rows: int, sizes: Sizes
     """Let a cloned policy grasp on a robot, or on the drawing (None)."""
     policy = ClonedPolicy(path, HISTORY[name])
     count = sizes.episodes if robot is not None else ON_DRAWING * sizes.episodes
-    return lifts(policy, robot, -1 if robot is None else robot, count, rows)
+    seeds = [episode_seed(robot, number) for number in range(count)]
+    return lifts(policy, robot, seeds, rows)
 
 
 def conclude(

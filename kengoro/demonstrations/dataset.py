@@ -14,7 +14,7 @@ from kengoro.demonstrations.episode import frame_stride
 from kengoro.demonstrations.frames import count_frames, open_frames
 from kengoro.demonstrations.lerobot import video_path, write_lerobot
 from kengoro.demonstrations.minari import NAME, write_minari
-from kengoro.demonstrations.robot import grasps, learned_agent, no_stage
+from kengoro.demonstrations.robot import episode_seed, grasps, learned_agent, no_stage
 from kengoro.demonstrations.robot_file import RobotEpisodes, read_robot, write_robot
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
@@ -133,9 +133,10 @@ def run_robot(
             progress(f"robot {robot} {text}", 0)
 
     agent = learned_agent(robot, plan.trial, cache, no_stage if progress is None else stage)
+    seeds = [episode_seed(robot, number) for number in range(plan.episodes)]
     episodes, histograms = [], []
     with open_frames(video_path(out / "lerobot", position)) as video:
-        for episode in grasps(agent, robot, plan.episodes, plan.trial, video.add):
+        for episode in grasps(agent, robot, seeds, plan.trial, video.add):
             episodes.append(episode)
             histograms.append(video.pop_histogram())
             if progress is not None:

@@ -1,8 +1,11 @@
-"""A robot that learns once, as in `kengoro demo`, and then grasps cans at new positions."""
+"""A robot that learns once, as in `kengoro demo`, and then grasps cans at new positions.
+
+The drawing, in place of a robot, needs no learning: the agent's map is its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,13 +30,13 @@ def no_stage(stage: str) -> None:
     """A `Stage` that shows nothing."""
 
 
-def episode_seed(robot: int, number: int) -> int:
-    """Seed of an episode of a robot, from which the can's position follows."""
-    return MOST * (robot + 1) + number
+def episode_seed(robot: int | None, number: int) -> int:
+    """Seed of an episode of a robot (None: the drawing), from which the can's position follows."""
+    return MOST * (-1 if robot is None else robot) + MOST + number
 
 
 def learned_agent(
-    robot: int,
+    robot: int | None,
     options: TrialOptions | None = None,
     cache: Path | None = None,
     stage: Stage = no_stage,
@@ -41,12 +44,15 @@ def learned_agent(
     """The agent after the trial of `kengoro demo`, with learning off.
 
     Args:
-        robot: seed of the actual robot.
+        robot: seed of the actual robot; None: the drawing, on which there is no trial.
         options: of the trial.
         cache: folder of trained maps.
         stage: called with what the robot is doing.
     """
-    agent = make_agent(robot, jmm=trained_map(cache))
+    agent = make_agent(robot or 0, jmm=trained_map(cache))
+    if robot is None:
+        agent.learning = False
+        return agent
     env = make_env("CanGrasp", robot)
 
     def watch(session: Session) -> None:
@@ -61,8 +67,8 @@ def learned_agent(
 
 def grasps(
     agent: Agent,
-    robot: int,
-    count: int,
+    robot: int | None,
+    seeds: Iterable[int],
     options: TrialOptions | None = None,
     add_frame: Callable[[Image], None] | None = None,
 ) -> Iterator[Episode]:
@@ -72,15 +78,15 @@ def grasps(
 
     Args:
         agent: that has learned on this robot.
-        robot: seed of the actual robot.
-        count: number of episodes.
+        robot: seed of the actual robot; None: the drawing.
+        seeds: of the episodes, see `episode_seed`.
         options: durations of the movements.
         add_frame: called with each frame of the camera, at the camera's rate.
     """
-    postures = shuffled_postures(robot)
+    postures = shuffled_postures(robot or 0)
     env = Recorder(make_env("CanGrasp", robot), add_frame)
-    for number in range(count):
-        trial = begin_trial(env, agent, episode_seed(robot, number), postures, options)
+    for seed in seeds:
+        trial = begin_trial(env, agent, seed, postures, options)
         with suppress(EpisodeEndedError):
             trial.approach()
         yield env.episode

@@ -1,11 +1,11 @@
 """Training of a cloned policy by PyTorch, in a process of its own: it and drawing do not share one.
 
-``python -m experiments.clone_grasp.training JOB`` reads ``examples`` (npz with ``inputs`` (K, D),
-``commands`` (K, m + 1) and ``robots`` (K,)) and writes ``policy`` (npz), which
-`experiments.clone_grasp.policy` reads. JOB is JSON with these paths, ``epochs`` and ``seed``.
+``python -m experiments.cloning.training JOB`` reads ``examples`` (npz with ``inputs`` (K, D),
+``commands`` (K, m + 1) and ``groups`` (K,)) and writes ``policy`` (npz), which
+`experiments.cloning.policy` reads. JOB is JSON with these paths, ``epochs`` and ``seed``.
 
 The loss is the mean square of the standardised commands' error. The weights are those of the epoch
-with the smallest loss on the held-out robots, the last tenth of them.
+with the smallest loss on the held-out groups, such as robots: the last tenth of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from experiments.clone_grasp.policy import standardised
+from experiments.cloning.features import EXACT
+from experiments.cloning.policy import standardised
 from mjcf_sandbox.files import write_bytes
 
 WIDTH = 256
@@ -28,10 +29,12 @@ WIDTH = 256
 BATCH = 256
 RATE = 1e-3
 """Learning rate at the start; it falls to zero as a cosine."""
-NOISE = 0.05
-"""Deviation of what is added to the standardised inputs, so that small errors do not add up."""
+NOISE = 1.0
+"""Deviation of what is added to the standardised readings, but not to time and can. The agent's
+commands hardly depend on the readings, which follow them; a policy that takes its commands from
+such readings repeats its own errors until the arm is lost."""
 HELD_OUT = 0.1
-"""Share of the robots by which the epoch is chosen."""
+"""Share of the groups by which the epoch is chosen."""
 
 
 def main(job: dict[str, Any]) -> None:
@@ -39,12 +42,12 @@ def main(job: dict[str, Any]) -> None:
     torch.manual_seed(job["seed"])
     torch.set_num_threads(1)
     with np.load(job["examples"], allow_pickle=False) as stored:
-        inputs, commands, robots = stored["inputs"], stored["commands"], stored["robots"]
+        inputs, commands, groups = stored["inputs"], stored["commands"], stored["groups"]
     scales = {
         "input_mean": inputs.mean(axis=0), "input_scale": _scale(inputs),
         "output_mean": commands.mean(axis=0), "output_scale": _scale(commands),
     }  # fmt: skip
-    held_out = np.isin(robots, _held_out(robots))
+    held_out = np.isin(groups, _held_out(groups))
     x = _tensor(standardised(inputs, scales["input_mean"], scales["input_scale"]))
     y = _tensor((commands - scales["output_mean"]) / scales["output_scale"])
     network = nn.Sequential(
@@ -65,16 +68,18 @@ def _fit(network: nn.Sequential, learned: Any, held_out: Any, epochs: int) -> li
     optimizer = torch.optim.Adam(network.parameters(), lr=RATE, weight_decay=1e-5)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, epochs)
     inputs, commands = learned
+    noise = torch.full(inputs.shape[1:], NOISE)
+    noise[-EXACT:] = 0.0
     best, losses = (np.inf, network.state_dict()), []
     for _ in range(epochs):
         total = 0.0
         for batch in torch.randperm(len(inputs)).split(BATCH):
-            noisy = inputs[batch] + NOISE * torch.randn_like(inputs[batch])
+            noisy = inputs[batch] + noise * torch.randn_like(inputs[batch])
             loss = nn.functional.mse_loss(network(noisy), commands[batch])
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-            total += float(loss) * len(batch)
+            total += loss.item() * len(batch)
         schedule.step()
         with torch.no_grad():
             new = float(nn.functional.mse_loss(network(held_out[0]), held_out[1]))
@@ -85,8 +90,8 @@ def _fit(network: nn.Sequential, learned: Any, held_out: Any, epochs: int) -> li
     return losses
 
 
-def _held_out(robots: Any) -> Any:
-    known = np.unique(robots)
+def _held_out(groups: Any) -> Any:
+    known = np.unique(groups)
     return known[-max(1, round(HELD_OUT * len(known))) :]
 
 

@@ -1,0 +1,1 @@
+"""Policies cloned from demonstrations of grasps: their inputs, training and judgement."""

@@ -1,0 +1,1 @@
+"""A policy that grasps on the drawing, from demonstrations or from the reward alone."""
