@@ -46,7 +46,7 @@ def log_reported(experiment: str, seeds: Sequence[int], root: Path = ROOT) -> No
         seeds: of the run; seeds below 100 are left out.
         root: folder of the checkout.
     """
-    reported = [seed for seed in seeds if seed >= FIRST_REPORTED_SEED]
+    reported = {seed for seed in seeds if seed >= FIRST_REPORTED_SEED}
     if not reported or not (root / ".git").exists():
         return
     git = subprocess.run(

@@ -48,7 +48,7 @@ def test_reported_seeds_are_logged_in_a_checkout_only(tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
     log_reported("faults", [99], tmp_path)
     assert not (tmp_path / LOG).exists()
-    log_reported("faults", [99, 100, 101], tmp_path)
+    log_reported("faults", [99, 100, 101, 100], tmp_path)
     log_reported("ablation", [100], tmp_path)
     with (tmp_path / LOG).open() as file:
         rows = list(csv.DictReader(file))
