@@ -60,7 +60,7 @@ class FrameFault:
         self._boxes: deque[tuple[float, Box | None]] = deque(maxlen=MEMORY)
         self._taken = -np.inf
         self._box: Box | None = None
-        """Where the latest frame, taken at that time [s], shows the marker or the hand."""
+        """Where the latest frame, taken at that time [s], shows the hand."""
 
     def disturb(self, frame: np.ndarray, time: float, robot: Robot) -> bool:
         """Change a frame in place.
@@ -95,14 +95,12 @@ class FrameFault:
 
     def _shown(self, frame: np.ndarray, time: float, robot: Robot) -> Box | None:
         """Where a frame shows the marker or the hand."""
-        if self._detector is None:
-            self._boxes.append((robot.time, hand_box(robot)))
+        if self._detector is not None:
+            return marker_box(self._detector, frame)
+        self._boxes.append((robot.time, hand_box(robot)))
         if time != self._taken:
             self._taken = time
-            if self._detector is not None:
-                self._box = marker_box(self._detector, frame)
-            else:
-                self._box = min(self._boxes, key=lambda known: abs(known[0] - time))[1]
+            self._box = min(self._boxes, key=lambda known: abs(known[0] - time))[1]
         return self._box
 
     def _show_picture(self, frame: np.ndarray, box: Box) -> None:
