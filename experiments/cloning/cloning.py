@@ -36,7 +36,7 @@ def clone_examples(found: Iterable[tuple[int, Episode]], history: bool) -> dict[
 
     Args:
         found: episodes, each with the number of the group that it is held out with.
-        history: whether inputs hold earlier readings.
+        history: whether inputs hold the readings of the start.
 
     Raises:
         ExperimentError: the can was lifted in none.

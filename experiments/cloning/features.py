@@ -5,8 +5,8 @@ the readings of the start, where every robot stands in the same posture: present
 commanded ones then count from those of the start. This takes away what departs from the drawing in
 the zero of each muscle's length, which is most of what separates robots.
 
-The time is given by sines and cosines, too, for a network learns no jumps from the time alone. It
-then takes the pace of the arm from the lengths, which follow its own commands, and runs away.
+The time is given by sines and cosines, too: from the time alone a network learns no fast changes.
+It then takes its commands from the lengths, which follow those commands, and the arm is lost.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class ClonedPolicy:
 
     Args:
         path: npz file that `experiments.cloning.training` wrote.
-        history: whether its inputs hold earlier readings.
+        history: whether its inputs hold the readings of the start.
     """
 
     def __init__(self, path: Path, history: bool) -> None:

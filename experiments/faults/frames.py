@@ -13,6 +13,7 @@ from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro.robots import CAMERA
 from kengoro_env.robot.robot import Robot
+from kengoro_env.robot.subtree import subtree
 
 CYCLE, HIDDEN_SHARE = 2.0, 0.3
 """Period with which the marker, or the hand, is hidden [s], and hidden share of it."""
@@ -57,7 +58,7 @@ class FrameFault:
         self._kind, self._begin, self._detector = kind, begin, detector
         self._kept: tuple[Box, np.ndarray] | None = None
         self._frozen: np.ndarray | None = None
-        self._boxes: deque[tuple[float, Box | None]] = deque(maxlen=MEMORY)
+        self._views: deque[HandView] = deque(maxlen=MEMORY)
         self._taken = -np.inf
         self._box: Box | None = None
         """Where the latest frame, taken at that time [s], shows the hand."""
@@ -97,10 +98,11 @@ class FrameFault:
         """Where a frame shows the marker or the hand."""
         if self._detector is not None:
             return marker_box(self._detector, frame)
-        self._boxes.append((robot.time, hand_box(robot)))
+        self._views.append(hand_view(robot))
         if time != self._taken:
             self._taken = time
-            self._box = min(self._boxes, key=lambda known: abs(known[0] - time))[1]
+            then = min(self._views, key=lambda view: abs(view.time - time))
+            self._box = hand_box(robot.model, then)
         return self._box
 
     def _show_picture(self, frame: np.ndarray, box: Box) -> None:
@@ -121,31 +123,46 @@ def marker_box(detector: MarkerDetector, frame: np.ndarray) -> Box | None:
     return _box(marker.corners_px, margin)
 
 
-def hand_box(robot: Robot) -> Box | None:
+class HandView(NamedTuple):
+    """Where hand and camera were at a time.
+
+    Attributes:
+        time: [s].
+        positions: of all geoms in the world (ngeom, 3) [m].
+        turns: their rotation matrices (ngeom, 9).
+        eye: position of the camera (3,) [m].
+        eye_turn: its rotation matrix (9,), in the axes of MuJoCo.
+    """
+
+    time: float
+    positions: Floats
+    turns: Floats
+    eye: Floats
+    eye_turn: Floats
+
+
+def hand_view(robot: Robot) -> HandView:
+    """Where hand and camera of a robot are now."""
+    data, eye = robot.data, robot.data.camera(EYE)
+    moving = (data.geom_xpos, data.geom_xmat, eye.xpos, eye.xmat)
+    return HandView(robot.time, *(values.copy() for values in moving))
+
+
+def hand_box(model: mujoco.MjModel, view: HandView) -> Box | None:
     """The hand with its fingers, which are meshes; None if its middle is out of view."""
-    model, data = robot.model, robot.data
-    eye, hand = data.camera(EYE), model.body(HAND_FRAME).id
-    turn = eye.xmat.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])  # OpenCV's axes
     points = []
-    for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH):
-        if _belongs(model, model.geom_bodyid[geom], hand):
-            mesh = model.mesh(model.geom_dataid[geom])
-            first, count = mesh.vertadr[0], mesh.vertnum[0]
-            turned = data.geom_xmat[geom].reshape(3, 3)
-            inside = model.mesh_vert[first : first + count]
-            points.append(data.geom_xpos[geom] + inside @ turned.T)
-    pixels = CAMERA.project((np.concatenate(points) - eye.xpos) @ turn)
+    mine = subtree(model, model.body(HAND_FRAME).id)[model.geom_bodyid]
+    for geom in np.flatnonzero(mine & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)):
+        mesh = model.mesh(model.geom_dataid[geom])
+        first, count = mesh.vertadr[0], mesh.vertnum[0]
+        inside = model.mesh_vert[first : first + count]
+        points.append(view.positions[geom] + inside @ view.turns[geom].reshape(3, 3).T)
+    turn = view.eye_turn.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])  # OpenCV's axes
+    pixels = CAMERA.project((np.concatenate(points) - view.eye) @ turn)
     middle = pixels.mean(axis=0)
     if not np.all((middle > 0.0) & (middle < (CAMERA.width, CAMERA.height))):
         return None
     return _box(pixels, HAND_MARGIN)
-
-
-def _belongs(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
-    """Whether a body is another one, or moves with it."""
-    while body > 0 and body != ancestor:
-        body = model.body_parentid[body]
-    return bool(body == ancestor)
 
 
 def _box(points: Floats, margin: float) -> Box:

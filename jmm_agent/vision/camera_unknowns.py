@@ -174,19 +174,21 @@ def _straightened(content: bytes, focal: float, lens: float, solid: bool) -> Flo
     pose = np.frombuffer(content).reshape(4, 4)
     square = _body(pose, solid)
     points = square @ pose[:3, :3].T + pose[:3, 3]
+    if points[:, 2].min() <= 0.0:
+        return pose  # no camera shows it
     straight = _unbent(points[:, :2] / points[:, 2:] / (1.0 + focal), lens)
     for _ in range(STEPS):
         missed = _missed(pose, square, straight)
         slopes = corner_slopes(pose, square, np.eye(3))
         step = np.asarray(np.linalg.lstsq(slopes, missed.ravel(), rcond=None)[0], dtype=float)
-        while (size := np.abs(step).max()) >= SETTLED:
+        while np.abs(step).max() >= SETTLED:
             moved = _stepped(pose, step)
             if np.sum(_missed(moved, square, straight) ** 2) < np.sum(missed**2):
+                pose = moved
                 break
             step = step / 2.0
-        if size < SETTLED:
+        else:
             break
-        pose = moved
     pose = pose.copy()
     pose.setflags(write=False)
     return pose

@@ -39,8 +39,6 @@ SHARES = 0.15, 0.3
 """Standard deviations of a predicted movement, as shares of it, both as likely [1]: joints that are
 10 or 17 deg off turn its direction by as much. Before a robot has learned, each joint of it is
 off by about 12 deg, by errors that change with the posture."""
-USUAL = 0.3
-"""The one of a movement that is to distinguish hands [1]."""
 LEVER = 0.06
 """By how much the expected hand may be displaced along each axis [m]; a turn of it by an angle adds
 the standard deviation `LEVER` times this angle."""
@@ -252,15 +250,17 @@ def explain(before: Sample, now: Sample) -> Explained:
         errors = np.square(share * size) + np.square([LEVER * size[1], 0.0])
         return of_still(share) + _diagonal(errors)
 
-    usual = of_own(USUAL)
+    widest = of_own(max(SHARES))
     return Explained(
         _mean(_log_normal(difference(end, own), of_own(share)) for share in SHARES),
         max(
             _mean(_log_normal(difference(end, stay), of_still(share)) for share in SHARES)
             for stay in stays
         ),
-        _log_normal(difference(end, stays[0]), of_still(USUAL) + _diagonal(np.square(OTHERWISE))),
-        all(bool(each @ np.linalg.solve(usual, each) >= DISTINCT**2) for each in went),
+        _log_normal(
+            difference(end, stays[0]), of_still(max(SHARES)) + _diagonal(np.square(OTHERWISE))
+        ),
+        all(bool(each @ np.linalg.solve(widest, each) >= DISTINCT**2) for each in went),
     )
 
 

@@ -11,7 +11,7 @@ import cv2
 import mujoco
 import numpy as np
 
-from kengoro.hand_detector.hand_points import subtree
+from kengoro_env.robot.subtree import subtree
 from kengoro_env.types import Floats
 
 TEXTURES = 40

@@ -12,7 +12,8 @@ import numpy as np
 
 from jmm_agent.vision.hand_model_file import middle_of, radius_of
 from kengoro.hand_detector.appearance import Appearance, add_textures, robot_parts
-from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
+from kengoro.hand_detector.hand_points import hand_geoms, hand_points
+from kengoro_env.robot.subtree import subtree
 from kengoro_env.types import Floats
 from kengoro_env.vision.rendering import QUALITY, open_renderer
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from kengoro_env.robot.subtree import subtree
 from kengoro_env.types import Floats
 
 
@@ -51,12 +52,3 @@ def hand_geoms(model: mujoco.MjModel, body: int) -> set[int]:
     endless = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
     visible &= ~np.isin(model.geom_type, [int(kind) for kind in endless])
     return set(np.flatnonzero(visible).tolist())
-
-
-def subtree(model: mujoco.MjModel, body: int) -> np.ndarray:
-    """Which bodies (nbody,) are a body or its descendants."""
-    found = np.zeros(model.nbody, dtype=bool)
-    found[body] = True
-    for number in range(body + 1, model.nbody):
-        found[number] = found[model.body_parentid[number]]
-    return found

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from kengoro.errors import UsageError
-from kengoro.hand_detector.hand_points import hand_geoms, subtree
+from kengoro.hand_detector.hand_points import hand_geoms
+from kengoro_env.robot.subtree import subtree
 
 ASPECT = 4.0 / 3.0
 """Width of the frames that are rendered over their height [1]."""

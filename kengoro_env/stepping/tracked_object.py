@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from kengoro_env.robot.body import pose_of
+from kengoro_env.robot.subtree import subtree
 from kengoro_env.types import Floats
 
 BY_FINGERS, BY_PALM, BY_OTHERS = 1, 2, 4
@@ -64,10 +66,6 @@ class TrackedObject:
         return {"object": self._body, "object_geom": self._geom, "toucher": self._toucher}
 
 
-def _geoms(model: mujoco.MjModel, root: str) -> list[int]:
+def _geoms(model: mujoco.MjModel, root: str) -> NDArray[np.int64]:
     """Geoms of a body and of all its descendants."""
-    bodies = {model.body(root).id}
-    for body in range(min(bodies) + 1, model.nbody):  # a child's index is above its parent's
-        if model.body_parentid[body] in bodies:
-            bodies.add(body)
-    return [g for g in range(model.ngeom) if model.geom_bodyid[g] in bodies]
+    return np.flatnonzero(subtree(model, model.body(root).id)[model.geom_bodyid])

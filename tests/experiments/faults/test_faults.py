@@ -26,7 +26,7 @@ from jmm_agent.guard import faults
 from jmm_agent.guard.guard import Guard
 from jmm_agent.vision.marker_detector import MarkerDetector, Skip
 from kengoro.agents import make_agent
-from kengoro.robots import CAMERA, SIDES, make_env
+from kengoro.robots import CAMERA, HAND, SIDES, make_env
 from kengoro_env.postures import posture_set
 
 MUSCLE, INDEX = "delt_mid", 19
@@ -209,6 +209,41 @@ def test_a_hand_without_a_marker_is_hidden_for_a_share_of_the_time_and_its_copy_
     assert new[hand].mean() < 0.1, "the own one is still seen"
     [mirrored] = shown_frames(env, faults.MIRRORED_HAND, frame, 1)
     np.testing.assert_array_equal(mirrored, frame[:, ::-1])
+
+
+def test_a_hand_is_hidden_where_it_was_when_the_frame_was_taken(
+    seen: tuple[FaultyEnv, np.ndarray, np.ndarray],
+) -> None:
+    """Frames come 0.1 s late, and the hand has moved on since."""
+    env, frame, hand = seen
+    data = env.world.robot.data
+    env.inject(Injection(faults.HAND_HIDDEN))
+    taken, picture = data.time, frame.copy()
+    for step in range(2):
+        late = frame.copy() if step == 0 else picture
+        time = np.array([taken - 0.2 if step == 0 else taken])  # the first frame is an older one
+        env._disturbed({"lengths": np.zeros(36), "frame": late, "frame_time": time})
+        data.geom_xpos[:] += 0.3
+        data.time += 0.1
+    mujoco.mj_forward(env.world.robot.model, data)
+    data.time = taken
+    assert np.any(picture != frame, axis=2)[hand].mean() > 0.9
+
+
+def test_a_run_without_a_marker_has_an_agent_that_sees_the_hand(
+    request: pytest.FixtureRequest,
+) -> None:
+    maps = Path(request.config.cache.mkdir("maps"))
+    kinds = []
+    for hand in ("marker", "seen"):
+        robot = FaultyRun(0, maps, replace(QUICK, hand=hand))
+        kinds.append(robot.agent.options.vision.hand)
+        assert (robot.env.detector is None) == (hand == "seen")
+        frame = robot.env.world.reset(seed=0, options={"posture": posture_set()[0]})[0]["frame"]
+        assert (HAND in MarkerDetector(CAMERA, SIDES).detect(frame).poses) == (hand == "marker")
+        robot.copy().env.close()
+        robot.env.close()
+    assert kinds == ["marker", "seen"]
 
 
 def test_a_picture_of_the_hand_stays_where_the_hand_was_while_it_moves(

@@ -196,6 +196,20 @@ def test_no_lens_folds_the_view(lens: float, solid: bool) -> None:
     assert np.all(np.diff(slopes) > 0.0)
 
 
+@pytest.mark.parametrize("depth", [-0.5, 0.0, 0.02])
+@pytest.mark.parametrize("solid", [False, True])
+def test_a_pose_that_no_camera_shows_is_not_straightened(depth: float, solid: bool) -> None:
+    """Such as one that a user observed in other axes, or a body that reaches behind the camera."""
+    pose = np.eye(4)
+    pose[:3, 3] = 0.3, 0.1, depth
+    unknowns = np.array([0.0] * 6 + [0.01, -0.1])
+    found = corrected(pose, unknowns, solid)
+    assert np.isfinite(found).all()
+    assert np.linalg.norm(found[:3, 3] - pose[:3, 3]) < 0.1
+    if depth < 0.0:
+        np.testing.assert_array_equal(found, pose)
+
+
 def test_hands_at_the_border_of_the_view_leave_the_fit_solvable() -> None:
     """The pose, and the believed lens, at which learning from a robot's hand ended."""
     turn, offset = poses(1)[0], np.array([0.409, -0.164, 0.587])

@@ -15,9 +15,10 @@ from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.hand_detector.appearance import PREFIX, TEXTURES
 from kengoro.hand_detector.examples import Source, chunk_path, make_chunk, shows
 from kengoro.hand_detector.frames import FrameMaker, develop, load_model
-from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
+from kengoro.hand_detector.hand_points import hand_geoms, hand_points
 from kengoro.hand_weights import KENGORO
 from kengoro_env.assets import asset_path, assets_root
+from kengoro_env.robot.subtree import subtree
 
 STRANGER = Path(__file__).with_name("two_links.xml")
 SOURCES = {
