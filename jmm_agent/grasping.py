@@ -118,6 +118,10 @@ class GraspPlanner:
         """
         return self._kinematics.pose(self._camera, q) @ pose_marker_in_camera
 
+    def grip(self, q: Floats) -> Floats:
+        """Position of the grip point in the world (3,) [m] at joint angles (n,) [rad]."""
+        return np.asarray(self._kinematics.pose(self._options.grip_site, q)[:3, 3])
+
     def point_camera(self, point: Floats, q: Floats) -> Floats:
         """Turn the neck until the camera points at a point.
 

@@ -7,7 +7,8 @@ and lifts it. After every approach but the last the can is put back where it sto
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,11 +17,15 @@ import numpy as np
 
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlan, GraspPlanner
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.types import Floats
 from jmm_agent.vision.can_finder import CanSkip
 from kengoro.hand_search import READY, TrialOptions, find_hand, scan_offsets
 from kengoro.session import CLOSED, OPEN, EpisodeEndedError, Session
 from kengoro_env.names import GROUP_JOINTS
+
+ARRIVED = 0.003
+"""Distance of the estimated grip point from its target at which the fingers close [m]."""
 
 
 @dataclass
@@ -99,7 +104,7 @@ class GraspTrial:
                 self.session.stage = "observes its hand near the can"
                 self._explore(self._near_postures())
             self.session.stage = f"approach {number + 1}"
-            grasped = self.approach()
+            grasped = self.approach(options.arrival if number else 0.0)
             if grasped and number > 0:
                 break
             self._let_go()
@@ -170,8 +175,12 @@ class GraspTrial:
             return None
         return self._planner.marker_in_world(found.pose_can_in_camera, agent.joint_angles)
 
-    def approach(self) -> bool:
-        """Find the can and `grasp` it; a note says why, if no approach was made."""
+    def approach(self, arrival: float) -> bool:
+        """Find the can and `grasp` it; a note says why, if no approach was made.
+
+        Args:
+            arrival: see `grasp`.
+        """
         session = self.session
         self._can = pose = self._find_can()
         if pose is None:
@@ -184,7 +193,7 @@ class GraspTrial:
             )
             return False
         self.trial.plan = plan
-        return self.grasp(plan)
+        return self.grasp(plan, arrival)
 
     def _let_go(self) -> None:
         """Open the hand and retract it; the can is put back."""
@@ -194,26 +203,41 @@ class GraspTrial:
         session.move(np.array(options.ready), options.move)
         session.world.put_can_back()
 
-    def grasp(self, plan: GraspPlan) -> bool:
+    def grasp(self, plan: GraspPlan, arrival: float) -> bool:
         """Reach for the can, close the fingers and lift; whether the can was lifted and held.
 
         Args:
             plan: postures of the approach and of the lift.
+            arrival: longest wait until the hand, as estimated, has arrived at the can by feedback
+                of the posture [s]; 0: without feedback, as before anything was learned, when
+                feedback would only pull at what is wrong.
         """
         session, options = self.session, self._options
         start = session.time
-        session.move(plan.approach[0], options.move)
-        session.move(plan.approach[1:], options.reach)
-        session.wait(0.6)
-        approach = self._measure(plan, start)
-        self.trial.approaches.append(approach)
-        session.fingers = CLOSED
-        session.wait(1.0)
-        session.move(plan.lift[1:], 1.5)
-        session.wait(1.6)
+        with _feedback(session.agent) if arrival else nullcontext():
+            session.move(plan.approach[0], options.move)
+            session.move(plan.approach[1:], options.reach)
+            session.wait(0.6)
+            self._arrive(plan, arrival)
+            approach = self._measure(plan, start)
+            self.trial.approaches.append(approach)
+            session.fingers = CLOSED
+            session.wait(1.0)
+            session.move(plan.lift[1:], 1.5)
+            session.wait(1.6)
         truth = session.truth  # lifted for long enough, and held to the end
         approach.grasped = bool(truth["success"] and truth["grasped"])
         return approach.grasped
+
+    def _arrive(self, plan: GraspPlan, arrival: float) -> None:
+        """Wait until the estimated grip point is at its target; friction may hold it elsewhere."""
+        session = self.session
+        end = session.time + arrival
+        while session.time < end:
+            grip = self._planner.grip(session.agent.joint_angles)
+            if np.linalg.norm(grip - plan.grip) < ARRIVED:
+                break
+            session.step()
 
     def _measure(self, plan: GraspPlan, start: float) -> Approach:
         """True distances before the fingers close; the agent never gets them."""
@@ -228,6 +252,17 @@ class GraspTrial:
             target=plan.grip,
             max_tension=float(np.max(log.tensions[first:])),
         )
+
+
+@contextmanager
+def _feedback(agent: Agent) -> Iterator[None]:
+    """Within this context the agent's posture has feedback, its own or the default's."""
+    before = agent.feedback
+    agent.feedback = before or FeedbackOptions()
+    try:
+        yield
+    finally:
+        agent.feedback = before
 
 
 def begin_trial(

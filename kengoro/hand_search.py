@@ -24,6 +24,8 @@ class TrialOptions:
         patience: longest wait for rest and for a marker observation [s].
         turn: duration of a turn of the head [s].
         reach: duration of the path from the stand-off point to the can [s].
+        arrival: longest wait until the hand has arrived at the can after it has learned, see
+            `GraspTrial.grasp` [s].
         ready: joint angles with the arm out of view, shape (n,) [rad].
         table_point: point that the camera is turned to when it looks for the can, shape (3,) [m].
         scan: largest turns of the head in a search, (yaw, pitch) [rad].
@@ -36,6 +38,7 @@ class TrialOptions:
     patience: float = 3.0
     turn: float = 0.8
     reach: float = 1.5
+    arrival: float = 3.0
     ready: tuple[float, ...] = READY
     table_point: tuple[float, float, float] = (0.40, -0.15, -0.28)
     scan: tuple[float, float] = (0.28, 0.22)

@@ -73,7 +73,7 @@ class CanRobot:
         agent = self._agent(learning=False)
         control = self._begin(agent)
         try:
-            return control.grasp(plan)
+            return control.grasp(plan, arrival=0.0)
         except EpisodeEndedError:
             return False
         finally:

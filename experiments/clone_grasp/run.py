@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ from experiments.harness.reported import log_reported
 from experiments.harness.runner import progress_bar, run_tasks
 from experiments.harness.statistics import metric
 from kengoro.demonstrations.dataset import Plan, make_datasets
-from kengoro.demonstrations.robot import episode_seed, grasps, learned_agent
+from kengoro.demonstrations.robot import FIXED_TIMES, episode_seed, grasps, learned_agent
 from kengoro.demonstrations.robot_file import RobotEpisodes
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
@@ -134,7 +134,8 @@ def demonstrations(args: Args, robots: Sequence[int], sizes: Sizes) -> list[Robo
     Raises:
         ExperimentError: a file in the folder is damaged.
     """
-    plan = Plan(tuple(robots), sizes.demonstrations, sizes.trial)
+    fixed = replace(sizes.trial, arrival=FIXED_TIMES.arrival)
+    plan = Plan(tuple(robots), sizes.demonstrations, fixed)
     known = files_digest([], f"{source_digest()} {asdict(plan)}")  # cloning changes none of it
     folder = args.out / f"data-{known[:8]}"
     with progress_bar("demonstrations", len(robots) * sizes.demonstrations) as advance:

@@ -6,7 +6,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from kengoro.demonstrations.damage import damaged
@@ -14,7 +14,7 @@ from kengoro.demonstrations.episode import frame_stride
 from kengoro.demonstrations.frames import count_frames, open_frames
 from kengoro.demonstrations.lerobot import video_path, write_lerobot
 from kengoro.demonstrations.minari import NAME, write_minari
-from kengoro.demonstrations.robot import episode_seed, grasps, learned_agent, no_stage
+from kengoro.demonstrations.robot import FIXED_TIMES, episode_seed, grasps, learned_agent, no_stage
 from kengoro.demonstrations.robot_file import RobotEpisodes, read_robot, write_robot
 from kengoro.errors import UsageError
 from kengoro.hand_search import TrialOptions
@@ -44,7 +44,7 @@ class Plan:
 
     robots: tuple[int, ...]
     episodes: int
-    trial: TrialOptions = field(default_factory=TrialOptions)
+    trial: TrialOptions = FIXED_TIMES
 
 
 def make_datasets(

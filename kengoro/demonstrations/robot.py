@@ -22,6 +22,10 @@ from kengoro_env.vision.rendering import Image
 MOST = 10_000
 """Most episodes of a robot; their seeds are those from `MOST` times (robot + 1) on."""
 
+FIXED_TIMES = TrialOptions(arrival=0.0)
+"""The fingers close at the same time in each demonstration: a policy that is given the time follows
+these, and would have to find out when the hand has arrived in others."""
+
 Stage = Callable[[str], None]
 """Called with what the robot is doing."""
 
@@ -80,14 +84,14 @@ def grasps(
         agent: that has learned on this robot.
         robot: seed of the actual robot; None: the drawing.
         seeds: of the episodes, see `episode_seed`.
-        options: durations of the movements.
+        options: durations of the movements; `FIXED_TIMES` if left out.
         add_frame: called with each frame of the camera, at the camera's rate.
     """
     postures = shuffled_postures(robot or 0)
     env = Recorder(make_env("CanGrasp", robot), add_frame)
     for seed in seeds:
-        trial = begin_trial(env, agent, seed, postures, options)
+        trial = begin_trial(env, agent, seed, postures, options or FIXED_TIMES)
         with suppress(EpisodeEndedError):
-            trial.approach()
+            trial.approach((options or FIXED_TIMES).arrival)
         yield env.episode
     env.close()

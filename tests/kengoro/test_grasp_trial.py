@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+from jmm_agent import FeedbackOptions
 from jmm_agent.grasping import GraspOptions, GraspPlanner
 from kengoro import grasp_trial
 from kengoro.agents import make_agent
@@ -14,6 +16,7 @@ from kengoro.grasp_trial import GraspTrial, outcome_sentences
 from kengoro.hand_search import READY, TrialOptions
 from kengoro.robots import make_env
 from kengoro.session import OPEN, Session
+from kengoro_env.departures import DryFriction
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 
@@ -41,6 +44,31 @@ def test_the_nominal_model_lifts_the_can_which_is_then_put_back(session: Session
     session.step()
     np.testing.assert_allclose(session.truth["can_pose"][:3, 3], start, atol=2e-3)
     assert not session.truth["success"]
+
+
+@pytest.fixture
+def rubbing(request: pytest.FixtureRequest) -> Iterator[Session]:
+    """The drawing's robot with 8 N of dry friction in each muscle, and a map that is right."""
+    agent = make_agent(cache=request.config.cache.mkdir("maps"), learning=False)
+    env = gym.make("Kengoro/CanGrasp-v0", departures=[DryFriction(8.0, 0.0)])
+    yield Session(env, agent, 0, None, {"posture": np.array(READY)})
+    env.close()
+
+
+def test_fingers_close_when_the_hand_has_arrived_although_muscles_rub(rubbing: Session) -> None:
+    trial = trial_of(rubbing)
+    (early,) = trial.run().approaches  # the first one, before anything is learned
+    trial.approach(3.0)
+    arrived = trial.trial.approaches[-1]
+    assert early.distance > 0.010
+    assert arrived.distance < 0.006
+    assert rubbing.agent.feedback is None  # as before
+
+
+def test_feedback_of_its_own_is_kept(session: Session) -> None:
+    session.agent.feedback = own = FeedbackOptions(gain=0.5)
+    trial_of(session).approach(1.0)
+    assert session.agent.feedback is own
 
 
 def test_open_fingers_do_not_lift_the_can(

@@ -77,7 +77,7 @@ def short_session(env: ActionRecorder, agent: Agent) -> Session:
     trial = GraspTrial(session, planner, posture_set(), np.random.default_rng(0))
     pose = np.eye(4)
     pose[:3, 3] = session.agent.kinematics.pose("grip", agent.target)[:3, 3]
-    trial.grasp(planner.plan(pose, agent.target))
+    trial.grasp(planner.plan(pose, agent.target), arrival=0.5)
     return session
 
 
