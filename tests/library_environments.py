@@ -6,6 +6,8 @@ import hashlib
 import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -21,17 +23,17 @@ FOLDER = "KENGORO_LIBRARY_ENVIRONMENTS"
 """Variable that names the folder of the environments; pytest's cache if it is not set."""
 
 
-def environment(config: pytest.Config, *requirements: str) -> Path:
+def environment(config: pytest.Config, *requirements: str, ours: Sequence[str] = OURS) -> Path:
     """The interpreter of an environment with this package, editable, and some others.
 
-    It is kept, and installed again only when the requirements are others. The test is skipped if
-    the registry of packages cannot be reached.
+    It is kept, and installed again only when the requirements are others; see `install`.
 
     Args:
         config: of pytest, which has the cache.
         requirements: the others, the library first.
+        ours: what of this project is installed with them.
     """
-    own = (sys.version, *OURS, (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    own = (sys.version, *ours, (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     key = hashlib.sha256("\n".join((*own, *requirements)).encode()).hexdigest()[:12]
     name = requirements[0].split("[")[0].split("~")[0]
     assert config.cache is not None
@@ -41,26 +43,31 @@ def environment(config: pytest.Config, *requirements: str) -> Path:
     python, complete = folder / "bin" / "python", folder / "complete"
     if not complete.exists():
         subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True)
-        error = _install(python, *OURS, *requirements)
-        if error:
-            if _reaches_the_registry(python, folder):
-                pytest.fail(f"cannot install {' '.join(requirements)}: {error}")
-            pytest.skip(f"the registry of packages cannot be reached for {name}: {error}")
+        install(python, *ours, *requirements)
         complete.touch()
     return python
 
 
-def _install(python: Path, *arguments: str) -> str:
-    """Install into an environment; the last lines of an error, "" if there is none."""
+def install(python: Path, *arguments: str) -> None:
+    """Install by pip; the test fails if that fails, and is skipped if the registry of packages
+    cannot be reached.
+
+    Args:
+        python: the interpreter.
+        arguments: of ``pip install``.
+    """
     command = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
     ended = subprocess.run([*command, *arguments], capture_output=True, text=True)
-    if not ended.returncode:
-        return ""
-    return " ".join(ended.stderr.splitlines()[-3:]) or f"pip ended with {ended.returncode}"
+    if ended.returncode:
+        error = " ".join(ended.stderr.splitlines()[-3:]) or f"pip ended with {ended.returncode}"
+        if _reaches_the_registry(python):
+            pytest.fail(f"cannot install {' '.join(arguments)}: {error}")
+        pytest.skip(f"the registry of packages cannot be reached: {error}")
 
 
-def _reaches_the_registry(python: Path, folder: Path) -> bool:
+def _reaches_the_registry(python: Path) -> bool:
     """Whether a small package can be fetched."""
     command = [python, "-m", "pip", "download", "--quiet", "--no-deps", "--no-cache-dir"]
-    ended = subprocess.run([*command, "--dest", folder / "probe", SMALL], capture_output=True)
+    with tempfile.TemporaryDirectory() as folder:
+        ended = subprocess.run([*command, "--dest", folder, SMALL], capture_output=True)
     return not ended.returncode

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.library_environments import ROOT, install
+
 CONTRACT = [
     f"tests/kengoro_env/test_{name}.py"
     for name in ("env", "vector", "wrappers", "scaled_observations")
@@ -33,10 +34,7 @@ def test_releases_that_other_libraries_pin_are_accepted() -> None:
 @pytest.mark.parametrize("requirement", [f"{accepted().replace('~=', '==')}.0", accepted()])
 def test_the_contract_holds(requirement: str, tmp_path: Path) -> None:
     """In a process whose path begins with the other Gymnasium."""
-    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target"]
-    installed = subprocess.run([*install, tmp_path, requirement], capture_output=True, text=True)
-    if installed.returncode:
-        pytest.skip(f"cannot install {requirement}: {installed.stderr.splitlines()[-1]}")
+    install(Path(sys.executable), "--no-deps", "--target", str(tmp_path), requirement)
     tested = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-m", "not slow", *CONTRACT],
         cwd=ROOT,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +19,17 @@ from tests.kengoro.demonstrations.small_dataset import (
     made_episode,
     write_both,
 )
+from tests.library_environments import environment
 
 HERE = Path(__file__).parent
 
 
-def environment(folder: Path, *requirements: str) -> Path:
-    """The interpreter of a new virtual environment with some packages.
-
-    A variable such as ``KENGORO_LEROBOT_PYTHON`` names one that is there.
-    """
-    name = requirements[0].split("[")[0].split("=")[0].split("~")[0]
-    if given := os.environ.get(f"KENGORO_{name.upper()}_PYTHON"):
-        return Path(given)
-    python = folder / "environment" / "bin" / "python"
-    subprocess.run([sys.executable, "-m", "venv", folder / "environment"], check=True)
-    command = [python, "-m", "pip", "install", "--quiet", *requirements]
-    installed = subprocess.run(command, capture_output=True, text=True)
-    if installed.returncode:
-        pytest.skip(f"cannot install {requirements[0]}: {installed.stderr.splitlines()[-1]}")
-    return python
+def interpreter(config: pytest.Config, *requirements: str) -> Path:
+    """The interpreter of an environment with some packages; a variable such as
+    ``KENGORO_LEROBOT_PYTHON`` names one that is there."""
+    name = requirements[0].split("[")[0].split("~")[0]
+    given = os.environ.get(f"KENGORO_{name.upper()}_PYTHON")
+    return Path(given) if given else environment(config, *requirements, ours=())
 
 
 def read(python: Path, script: str, *arguments: Path, **variables: str) -> dict[str, Any]:
@@ -55,8 +46,8 @@ def read(python: Path, script: str, *arguments: Path, **variables: str) -> dict[
 
 
 @pytest.mark.slow
-def test_minari_reads_each_control_step(tmp_path: Path) -> None:
-    python = environment(tmp_path, "minari[arrow]~=0.5.4", "Pillow")
+def test_minari_reads_each_control_step(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    python = interpreter(request.config, "minari[arrow]~=0.5.4", "Pillow")
     write_both(tmp_path / "data")
 
     root = str(tmp_path / "data" / "minari")
@@ -83,8 +74,10 @@ def test_minari_reads_each_control_step(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_lerobot_reads_each_frame_with_its_row(tmp_path: Path) -> None:
-    python = environment(tmp_path, "lerobot~=0.4.4")
+def test_lerobot_reads_each_frame_with_its_row(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    python = interpreter(request.config, "lerobot~=0.4.4")
     write_both(tmp_path / "data")
 
     found = read(
