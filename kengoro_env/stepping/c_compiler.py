@@ -32,7 +32,13 @@ SWITCH = "KENGORO_COMPILED"
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = [
-    _PACKAGE / name for name in ("stepping/control_step.c", "vision/scene.c", "vision/picture.c")
+    _PACKAGE / name
+    for name in (
+        "stepping/control_step.c",
+        "stepping/threads.c",
+        "vision/scene.c",
+        "vision/picture.c",
+    )
 ]
 _OPTIONS = ("-O3", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
 _TIMEOUT = 60.0  # of the compiler [s]
