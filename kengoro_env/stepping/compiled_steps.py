@@ -60,8 +60,7 @@ class CompiledSteps:
         self._robots, self._entries = robots, entries
         count, m, n = len(robots), len(robots[0].muscles), len(robots[0].joints)
         actions = np.full((count, m + 1), -1.0)  # -1 opens fingers that have no entry
-        self._noisy = robots[0].kinds_of_noise > 0
-        self._noise = list(np.zeros((count, m * robots[0].kinds_of_noise)))
+        noise = np.zeros((count, m * robots[0].kinds_of_noise))
         self._object_pose = None if tracked is None else np.eye(4)
         tracking = {"object": -1} if tracked is None else tracked.layout()
         shared = {**bounds.layout(), **tracking, "object_pose": self._object_pose}
@@ -69,12 +68,13 @@ class CompiledSteps:
         self._structures = (Step * count)()
         self._kept: list[Any] = []  # the memory that pointers lead to
         for i, (structure, robot) in enumerate(zip(self._structures, robots, strict=True)):
-            own = {"action": actions[i], "noise": self._noise[i], **results[i]}
+            own = {"action": actions[i], "noise": noise[i], **results[i]}
             self._kept += fill(structure, {**robot.layout(), **shared, **own})
             for part, friction in zip(structure.friction, robot.motors.frictions, strict=False):
                 self._kept += fill(part, friction.layout(robot.model))
         self._actions = actions[0 if latest is None else slice(None), : len(entries)]
         self._goals: Floats | None = None
+        self._random: list[np.random.Generator | None] = [None] * count
         self._moving = np.ones(count, dtype=np.uint8)
         self._outcomes = np.zeros(count, dtype=np.int32)
         self._fleet = Fleet(
@@ -86,8 +86,6 @@ class CompiledSteps:
         )
         fleet = ctypes.byref(self._fleet)
         self._run = partial(compiled.control_steps, fleet)
-        self._are_valid = partial(compiled.are_valid, fleet)
-        self._write_reports = partial(compiled.write_reports, fleet)
         if threads > 1:
             finalize(self, compiled.end_fleet, fleet)
 
@@ -115,14 +113,13 @@ class CompiledSteps:
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...] = actions
+        if self._robots[0].random is not self._random[0]:
+            self._use_generator(0)
         if goals is not self._goals:
             self._goals = goals
             self._structures[0].goal = None if goals is None else goals.ctypes.data
         if self._advance() == DIVERGED:
             raise DivergedError
-        if self._noisy:  # sampled only now, for an error of MuJoCo samples none
-            self._sample_noise()
-            self._write_reports()
         values = self._report.copy()
         lengths, tensions, slack, beyond, angles, numbers = self._columns
         error, tension, time, distance, touched = values[numbers].tolist()
@@ -154,8 +151,6 @@ class CompiledSteps:
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...], self._moving[:] = actions, moving
-        if self._noisy and self._are_valid():  # sampled now, for the threads use it
-            self._sample_noise()
         self._advance()
         return self._outcomes == DIVERGED
 
@@ -174,6 +169,7 @@ class CompiledSteps:
     def restore(self, i: int, state: RobotState) -> None:
         """Continue robot ``i`` of many from a state."""
         self._robots[i].restore(state)
+        self._use_generator(i)
 
     def state(self, i: int) -> RobotState:
         """The present state of robot ``i`` of many."""
@@ -190,12 +186,10 @@ class CompiledSteps:
             if moves:
                 robot.elongate_tendons()
 
-    def _sample_noise(self) -> None:
-        """Sample the noise of the sensors of robots that move."""
-        moving = self._moving.tolist()
-        for robot, noise, moves in zip(self._robots, self._noise, moving, strict=True):
-            if moves:
-                robot.random.standard_normal(out=noise)
+    def _use_generator(self, i: int) -> None:
+        """Sample the noise of the sensors of robot ``i`` by its present generator."""
+        self._random[i] = random = self._robots[i].random
+        self._structures[i].random = random.bit_generator.ctypes.bit_generator
 
 
 def _rows_of_many(latest: Latest) -> list[dict[str, Any]]:

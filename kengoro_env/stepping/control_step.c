@@ -14,6 +14,7 @@
 #include <sched.h>
 #include <setjmp.h>
 #include <stdatomic.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -64,7 +65,8 @@ typedef struct {
   const double* length_quantum;
   const double* tension_offset;
   const double* tension_noise;
-  const double* noise; /* standard normal samples: for lengths, then for tensions, if noisy */
+  double* noise; /* standard normal samples: for lengths, then for tensions, if noisy */
+  void* random;  /* NumPy's bit generator of the noise */
 
   const double* zero;      /* (m,) length paid out in the zero posture */
   const int64_t* position; /* (n,) indices of the joints in qpos */
@@ -232,6 +234,14 @@ static void judge(const Step* s) {
   *s->success = error < s->tolerance;
 }
 
+/* Of NumPy's static library: what `Generator.standard_normal` calls. */
+extern void random_standard_normal_fill(void* generator, ptrdiff_t count, double* samples);
+
+static void sample_noise(const Step* s) {
+  int64_t kinds = (s->length_noise != NULL) + (s->tension_noise != NULL);
+  if (kinds) random_standard_normal_fill(s->random, kinds * s->muscles, s->noise);
+}
+
 /* Write the results of the present state (Report, report.py). */
 static void write_report(const Step* s) {
   const mjData* data = s->data;
@@ -297,7 +307,10 @@ static int act(Step* s) {
     outcome = advance(s);
   }
   _mjPRIVATE_setTlsLogHandler(outer);
-  if (outcome == DONE) write_report(s);
+  if (outcome == DONE) {
+    sample_noise(s);
+    write_report(s);
+  }
   return outcome;
 }
 
@@ -330,8 +343,7 @@ static void work(void* fleet) {
   }
 }
 
-/* Whether all actions are valid. */
-int are_valid(const Fleet* f) {
+static int are_valid(const Fleet* f) {
   for (int64_t i = 0; i < f->count; i++) {
     if (!is_valid(&f->steps[i])) return 0;
   }
@@ -349,11 +361,6 @@ int control_steps(Fleet* f) {
   int worst = DONE;
   for (int64_t i = 0; i < f->count; i++) worst = f->outcomes[i] > worst ? f->outcomes[i] : worst;
   return worst;
-}
-
-/* Write the results of all robots again, with other noise. */
-void write_reports(const Fleet* f) {
-  for (int64_t i = 0; i < f->count; i++) write_report(&f->steps[i]);
 }
 
 /* End the threads that help. */
