@@ -49,8 +49,6 @@ OBSERVED = ("lengths", "tensions", "target")
 KNOWN = ("joint_angles", "hand_pose", "slack_paid_out", "slack_target", "time", "success")
 """Entries of the infos."""
 
-NEVER = np.iinfo(np.int64).max
-
 MANY: dict[str, Any] = {
     **METADATA,
     "render_modes": ["rgb_array", "depth_array"],
@@ -147,12 +145,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.muscles, self.joints = self._env.muscles, self._env.joints
         self._latest = latest_results(num_envs, len(self.muscles), len(self.joints))
         self.fleet = self._new_fleet()
-        self._most = NEVER if max_episode_steps is None else max_episode_steps
+        self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
-        self._until = np.full(num_envs, np.inf)  # time of the next target [s]
-        self._steps = np.zeros(num_envs, dtype=int)
+        self._step = 0
+        self._last = np.full(num_envs, np.inf)  # step at which each episode is truncated
+        self._first_last = 0.0  # before this step none is
         self._ended = np.ones(num_envs, dtype=bool)
+        self._none, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
+        self._shown = np.ones((len(KNOWN), num_envs), dtype=bool)
 
     def _make_spaces(self) -> None:
         """Set the spaces; the single environment inside keeps float64, which goals need."""
@@ -221,9 +222,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._tasks = [self._task] * self.num_envs
         assert isinstance(env.task, Reach)
         self._tasks[i] = copy(env.task)
-        self._until[i] = env.task.until
+        self._latest["until"][i] = env.task.until
         self.fleet.restore(i, env.robot.state())
-        self._steps[i], self._ended[i] = 0, False
+        self._last[i], self._ended[i] = self._step + self._most, False
         for name, value in (observation | info).items():
             self._latest[name][i] = value
 
@@ -249,15 +250,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             raise EpisodeError(
                 f"environment {np.flatnonzero(begins)[0]} has ended: reset it with reset_mask"
             )
-        diverged = self.fleet.step_many(checked, ~begins)
-        self._steps += 1
+        # A NumPy function that runs once a step takes as long as a tenth of a small robot's step,
+        # for physics has displaced its code from the cache: hence only copies in the usual case.
+        diverged = self.fleet.step_many(checked, ~begins if some_begin else self._all)
+        self._step += 1
         for i in np.flatnonzero(begins) if some_begin else ():
             self._begin(int(i), None, {})
-        self._aim()
-        truncated = (self._steps >= self._most) & ~diverged
-        self._ended = diverged | truncated
+        if _some(self._latest["due"]):
+            self._aim()
+        truncated = self._truncated(diverged)
         news: Infos = {}
-        if _some(self._ended):
+        self._ended = self._none
+        if _some(diverged) or _some(truncated):
+            self._ended = diverged | truncated
             same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
             news = self._reset_ended(diverged) if same_step else self._reasons(diverged)
         observed, infos = self._results()
@@ -266,11 +271,16 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     def _aim(self) -> None:
         """Set the targets that are due."""
-        due = self._latest["time"] >= self._until
-        for i in np.flatnonzero(due) if _some(due) else ():
+        for i in np.flatnonzero(self._latest["due"]):
             task = self._tasks[i]
             task.next_target()
-            self._latest["target"][i], self._until[i] = task.goal, task.until
+            self._latest["target"][i], self._latest["until"][i] = task.goal, task.until
+
+    def _truncated(self, diverged: Bools) -> Bools:
+        if self._step < self._first_last:
+            return self._none.copy()
+        self._first_last = self._last.min()
+        return (self._last <= self._step) & ~diverged
 
     def _reset_ended(self, diverged: Bools) -> Infos:
         """Reset the environments that ended; return their last observations and infos."""
@@ -312,17 +322,20 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     def _results(self, which: Bools | None = None) -> tuple[Observations, Infos]:
         """Copies of observations and infos; infos of environments not in ``which`` are 0."""
-        latest, count = self._latest, self.num_envs
+        latest = self._latest
         infos: Infos = {}
-        shown = np.ones((len(KNOWN), count), dtype=bool)  # a row for each entry, to write to
-        if which is not None:
-            shown &= which
+        shown = self._shown.copy()
         for name, mask in zip(KNOWN, shown, strict=True):
             infos[name] = latest[name].copy()
             infos[f"_{name}"] = mask
-            if which is not None:
+        if which is not None:
+            shown &= which
+            for name in KNOWN:
                 infos[name][~which] = 0
-        return {name: latest[name].astype(self._dtype) for name in OBSERVED}, infos
+        observed = {name: latest[name].copy() for name in OBSERVED}
+        if self._dtype != np.float64:
+            observed = {name: values.astype(self._dtype) for name, values in observed.items()}
+        return observed, infos
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
         """Images of all environments, each as `KengoroEnv.render` returns it; None: no mode.

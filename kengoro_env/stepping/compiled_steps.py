@@ -73,6 +73,9 @@ class CompiledSteps:
             for part, friction in zip(structure.friction, robot.motors.frictions, strict=False):
                 self._kept += fill(part, friction.layout(robot.model))
         self._actions = actions[0 if latest is None else slice(None), : len(entries)]
+        # A robot of many is given no events but those that it plans.
+        self._eventful = [each for each in robots if latest is None or each.plans_events]
+        self._none = np.zeros(count, dtype=bool)
         self._goals: Floats | None = None
         self._random: list[np.random.Generator | None] = [None] * count
         self._moving = np.ones(count, dtype=np.uint8)
@@ -151,12 +154,13 @@ class CompiledSteps:
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...], self._moving[:] = actions, moving
-        self._advance()
-        return self._outcomes == DIVERGED
+        if self._advance() == DIVERGED:
+            return self._outcomes == DIVERGED
+        return self._none.copy()
 
     def _advance(self) -> int:
         """Step the robots; return the worst outcome."""
-        if any(map(_events, self._robots)):
+        if any(map(_events, self._eventful)):
             self._apply_events()
         worst: int = self._run()
         if worst == BROKEN:

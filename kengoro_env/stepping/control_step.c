@@ -83,6 +83,7 @@ typedef struct {
   const double* goal;   /* (n,) joint angles to reach, or NULL */
 
   /* Reward and success of reaching the goal (reach_reward.py). */
+  const double* until; /* time of the next goal */
   double tolerance;
   double reward_scale;
   double effort;
@@ -101,8 +102,9 @@ typedef struct {
   double* time;
   double* distance; /* of the object from the grip */
   double* touched;  /* flags of the body parts that touch the object */
-  double* reward;   /* NULL: the step is not judged */
+  double* reward;   /* NULL: the step is not judged, and the next results are not written */
   uint8_t* success;
+  uint8_t* due; /* whether the time of the next goal has come */
   char reason[256]; /* message of an error of MuJoCo */
 } Step;
 
@@ -232,6 +234,7 @@ static void judge(const Step* s) {
   double effort = at_most(*s->tension / s->effort_scale, 1.0);
   *s->reward = exp(-error / s->reward_scale) - s->effort * effort;
   *s->success = error < s->tolerance;
+  *s->due = *s->time >= *s->until;
 }
 
 /* Of NumPy's static library: what `Generator.standard_normal` calls. */
@@ -337,7 +340,7 @@ static void work(void* fleet) {
     f->outcomes[i] = f->moving[i] ? act(s) : DONE;
     if (s->reward && (!f->moving[i] || f->outcomes[i] != DONE)) {
       *s->reward = 0.0;
-      *s->success = 0;
+      *s->success = *s->due = 0;
     }
     atomic_fetch_add(&f->done, 1);
   }

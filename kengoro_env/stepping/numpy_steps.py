@@ -64,6 +64,7 @@ class NumpySteps:
         latest["reward"][:], latest["success"][:] = np.where(moved, rewards, 0.0), moved & successes
         for name, values in (report.observation | report.truth).items():
             latest[name][moved] = values[moved]
+        latest["due"][:] = moved & (latest["time"] >= latest["until"])
         return diverged
 
     def _clipped(self, actions: NDArray[np.floating[Any]]) -> Floats:

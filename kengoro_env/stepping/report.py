@@ -38,9 +38,10 @@ class Report(NamedTuple):
 def latest_results(count: int, muscles: int, joints: int) -> Latest:
     """Arrays for the latest results of many robots, by name, with a leading axis of robots.
 
-    They are the entries of `Report`, ``target`` (count, n), the joint angles to reach [rad], and
-    ``reward`` and ``success`` (count,). Rows of robots that do not move, or that diverge, stay as
-    they are, but for a reward of 0 without success.
+    They are the entries of `Report`; ``reward`` and ``success`` (count,); and ``due`` (count,),
+    whether the time of the next target has come. Rows of robots that do not move, or that diverge,
+    stay as they are, but for a reward of 0 without success. Steps read ``target`` (count, n), the
+    joint angles to reach [rad], and ``until`` (count,), the time of the next target [s].
     """
     of_muscles = ("lengths", "tensions", "slack_paid_out", "slack_target")
     return {
@@ -48,7 +49,8 @@ def latest_results(count: int, muscles: int, joints: int) -> Latest:
         **{name: np.zeros((count, joints)) for name in ("joint_angles", "target")},
         "hand_pose": np.tile(np.eye(4), (count, 1, 1)),
         **{name: np.zeros(count) for name in ("error", "tension", "time", "reward")},
-        "success": np.zeros(count, dtype=bool),
+        **{name: np.zeros(count, dtype=bool) for name in ("success", "due")},
+        "until": np.full(count, np.inf),
     }
 
 

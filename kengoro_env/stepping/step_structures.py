@@ -37,11 +37,12 @@ class Step(ctypes.Structure):
         *((n, ctypes.c_void_p) for n in ("zero", "position", "left_at")),
         *((n, ctypes.c_void_p) for n in ("half", "middle", "low", "high", "most_tension")),
         *((n, ctypes.c_void_p) for n in ("action", "goal")),
+        ("until", ctypes.c_void_p),
         *((n, ctypes.c_double) for n in ("tolerance", "reward_scale", "effort", "effort_scale")),
         *((n, ctypes.c_void_p) for n in ("target", "lengths", "tensions")),
         *((n, ctypes.c_void_p) for n in ("slack_paid_out", "slack_target", "joint_angles")),
         *((n, ctypes.c_void_p) for n in ("hand_pose", "error", "tension", "time")),
-        *((n, ctypes.c_void_p) for n in ("distance", "touched", "reward", "success")),
+        *((n, ctypes.c_void_p) for n in ("distance", "touched", "reward", "success", "due")),
         ("reason", ctypes.c_char * 256),
     ]
 
