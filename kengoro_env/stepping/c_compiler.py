@@ -1,9 +1,9 @@
 """Compiles the C code of control steps and images with the system's C compiler.
 
 The library is compiled on first use and kept in the user's cache folder, under a name with the hash
-of sources, versions of MuJoCo and NumPy, compiler, options and machine. What others may have written, or what
-is cut off, is not loaded. Without compiled code NumPy computes the same bits and MuJoCo renders the
-same pixels, but slower; the log gives the reason.
+of sources, versions of MuJoCo and NumPy, compiler, options and machine. What others may have
+written, or what is cut off, is not loaded. Without compiled code NumPy computes the same bits and
+MuJoCo renders the same pixels, but slower; the log gives the reason.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def load(folder: Path) -> ctypes.CDLL:
         raise NotCompiledError(f"{mujocos} must hold one library of MuJoCo, found {len(engines)}")
     noise = Path(np.__file__).parent / "random" / "lib" / "libnpyrandom.a"
     if not noise.is_file():
-        raise NotCompiledError(f"NumPy must come with {noise}")
+        raise NotCompiledError(f"NumPy must come with its library {noise}")
     compiler = shlex.split(os.environ.get("CC") or "cc")
     texts = [path.read_text("utf-8") for path in _SOURCES]
     parts = (*texts, mujoco.__version__, np.__version__, *compiler, *_OPTIONS, machine())
