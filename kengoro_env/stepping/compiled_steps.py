@@ -80,10 +80,12 @@ class CompiledSteps:
         self._random: list[np.random.Generator | None] = [None] * count
         self._moving = np.ones(count, dtype=np.uint8)
         self._outcomes = np.zeros(count, dtype=np.int32)
+        self._taken = np.zeros(count, dtype=np.uint8)
         self._fleet = Fleet(
             ctypes.addressof(self._structures),
             self._moving.ctypes.data,
             self._outcomes.ctypes.data,
+            self._taken.ctypes.data,
             count,
             threads,
         )

@@ -317,25 +317,28 @@ static int act(Step* s) {
   return outcome;
 }
 
-/* Robots that some threads step; each thread takes the next robot that no thread has taken. */
+/* Robots that some threads step. Each thread takes those of its own part first, which are in the
+   cache of its core, and then those that no other thread has taken. */
 typedef struct {
   Step* steps;           /* (count,) */
   const uint8_t* moving; /* (count,) whether the robot is to be stepped */
   int32_t* outcomes;     /* (count,); DONE for a robot that does not move */
+  atomic_uchar* taken;   /* (count,) whether a thread has taken the robot in this step */
   int64_t count;
-  int64_t threads;          /* largest number of threads */
-  void* helpers;            /* the threads beside the caller's, or NULL (threads.c) */
-  atomic_int_fast64_t next; /* the next robot to be taken */
+  int64_t threads; /* largest number of threads */
+  void* helpers;   /* the threads beside the caller's, or NULL (threads.c) */
   atomic_int_fast64_t done; /* number of robots of which the step has ended */
 } Fleet;
 
-extern void* call_helpers(void* helpers, int64_t count, void (*work)(void*), void* argument);
+extern void* call_helpers(
+    void* helpers, int64_t count, void (*work)(void*, int64_t), void* argument);
 extern void end_helpers(void* helpers);
 
-static void work(void* fleet) {
+static void work(void* fleet, int64_t thread) {
   Fleet* f = fleet;
-  int64_t i;
-  while ((i = atomic_fetch_add(&f->next, 1)) < f->count) {
+  for (int64_t k = 0; k < f->count; k++) {
+    int64_t i = (k + thread * f->count / f->threads) % f->count;
+    if (atomic_exchange(&f->taken[i], 1)) continue;
     Step* s = &f->steps[i];
     f->outcomes[i] = f->moving[i] ? act(s) : DONE;
     if (s->reward && (!f->moving[i] || f->outcomes[i] != DONE)) {
@@ -357,9 +360,10 @@ static int are_valid(const Fleet* f) {
 int control_steps(Fleet* f) {
   if (!are_valid(f)) return INVALID;
   atomic_store(&f->done, 0);
-  atomic_store(&f->next, 0); /* from here on helpers take robots, also those who come late */
+  /* From here on helpers take robots, also those that come late. */
+  for (int64_t i = 0; i < f->count; i++) atomic_store(&f->taken[i], 0);
   if (f->threads > 1) f->helpers = call_helpers(f->helpers, f->threads - 1, work, f);
-  work(f);
+  work(f, 0);
   while (atomic_load(&f->done) < f->count) sched_yield(); /* at most for one step of a robot */
   int worst = DONE;
   for (int64_t i = 0; i < f->count; i++) worst = f->outcomes[i] > worst ? f->outcomes[i] : worst;

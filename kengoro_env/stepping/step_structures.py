@@ -51,10 +51,10 @@ class Fleet(ctypes.Structure):
     """``Fleet`` of control_step.c: robots that are stepped together."""
 
     _fields_ = [
-        *((n, ctypes.c_void_p) for n in ("steps", "moving", "outcomes")),
+        *((n, ctypes.c_void_p) for n in ("steps", "moving", "outcomes", "taken")),
         *((n, ctypes.c_int64) for n in ("count", "threads")),
         ("helpers", ctypes.c_void_p),
-        *((n, ctypes.c_int64) for n in ("next", "done")),
+        ("done", ctypes.c_int64),
     ]
 
 

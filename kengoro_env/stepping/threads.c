@@ -18,11 +18,12 @@
 enum { LINGER = 50000 }; /* [ns] */
 
 typedef struct {
-  void (*work)(void*);
+  void (*work)(void*, int64_t);
   void* argument;
   pid_t process; /* the process that started the threads */
   sem_t calls;
   atomic_bool ended;
+  atomic_int_fast64_t started; /* number of threads that run */
   int64_t count; /* number of threads */
   pthread_t threads[];
 } Helpers;
@@ -44,14 +45,15 @@ static void await_call(Helpers* h) {
 
 static void* help(void* helpers) {
   Helpers* h = helpers;
+  int64_t index = atomic_fetch_add(&h->started, 1) + 1;
   for (;;) {
     await_call(h);
     if (atomic_load(&h->ended)) return NULL;
-    h->work(h->argument);
+    h->work(h->argument, index);
   }
 }
 
-static Helpers* start(int64_t count, void (*work)(void*), void* argument) {
+static Helpers* start(int64_t count, void (*work)(void*, int64_t), void* argument) {
   Helpers* h = calloc(1, sizeof(Helpers) + (size_t)count * sizeof(pthread_t));
   if (!h) return NULL;
   h->work = work;
@@ -62,12 +64,14 @@ static Helpers* start(int64_t count, void (*work)(void*), void* argument) {
   return h;
 }
 
-/* Let `count` threads work beside the caller, which does not wait for them. The work must end at
-   once where nothing is left, for a thread may come late, even in a later call.
+/* Let `count` threads work beside the caller, which does not wait for them. The work gets the index
+   of its thread, from 1 on. It must end at once where nothing is left, for a thread may come late,
+   even in a later call.
 
    `helpers` is what the last call returned; NULL before the first. Fewer threads than `count`, or
    none, help where the system refuses more. */
-void* call_helpers(void* helpers, int64_t count, void (*work)(void*), void* argument) {
+void* call_helpers(
+    void* helpers, int64_t count, void (*work)(void*, int64_t), void* argument) {
   Helpers* h = helpers;
   if (h && h->process != getpid()) h = NULL; /* a fork has no threads of its parent */
   if (!h) h = start(count, work, argument);
