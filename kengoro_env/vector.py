@@ -37,7 +37,7 @@ from kengoro_env.spaces import check_actions, checked_dtype, in_dtype
 from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import latest_results
 from kengoro_env.tasks.reach import Reach
-from kengoro_env.types import Bools, Floats
+from kengoro_env.types import Bools
 from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 Observations = dict[str, NDArray[Any]]
@@ -145,15 +145,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.muscles, self.joints = self._env.muscles, self._env.joints
         self._latest = latest_results(num_envs, len(self.muscles), len(self.joints))
         self.fleet = self._new_fleet()
-        self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
-        self._step = 0
-        self._last = np.full(num_envs, np.inf)  # step at which each episode is truncated
-        self._first_last = 0.0  # before this step none is
-        self._ended = np.ones(num_envs, dtype=bool)
-        self._none, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
-        self._shown = np.ones((len(KNOWN), num_envs), dtype=bool)
+        self._prepare_steps(np.inf if max_episode_steps is None else max_episode_steps)
+
+    def _prepare_steps(self, most: float) -> None:
+        """Set what is counted in steps, and arrays that steps copy."""
+        count = self.num_envs
+        self._step, self._most = 0, most
+        self._last_steps = np.full(count, np.inf)  # step at which each episode is truncated
+        self._no_truncation_before = 0.0  # before this step none is
+        self._none, self._all = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
+        self._ended = self._all.copy()
+        self._shown = np.ones((len(KNOWN), count), dtype=bool)
 
     def _make_spaces(self) -> None:
         """Set the spaces; the single environment inside keeps float64, which goals need."""
@@ -224,7 +228,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._tasks[i] = copy(env.task)
         self._latest["until"][i] = env.task.until
         self.fleet.restore(i, env.robot.state())
-        self._last[i], self._ended[i] = self._step + self._most, False
+        self._last_steps[i], self._ended[i] = self._step + self._most, False
         for name, value in (observation | info).items():
             self._latest[name][i] = value
 
@@ -277,10 +281,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._latest["target"][i], self._latest["until"][i] = task.goal, task.until
 
     def _truncated(self, diverged: Bools) -> Bools:
-        if self._step < self._first_last:
+        if self._step < self._no_truncation_before:
             return self._none.copy()
-        self._first_last = self._last.min()
-        return (self._last <= self._step) & ~diverged
+        self._no_truncation_before = self._last_steps.min()
+        return (self._last_steps <= self._step) & ~diverged
 
     def _reset_ended(self, diverged: Bools) -> Infos:
         """Reset the environments that ended; return their last observations and infos."""

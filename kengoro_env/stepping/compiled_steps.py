@@ -73,8 +73,7 @@ class CompiledSteps:
             for part, friction in zip(structure.friction, robot.motors.frictions, strict=False):
                 self._kept += fill(part, friction.layout(robot.model))
         self._actions = actions[0 if latest is None else slice(None), : len(entries)]
-        # A robot of many is given no events but those that it plans.
-        self._eventful = [each for each in robots if latest is None or each.plans_events]
+        self._eventful = [each for each in robots if each.plans_events]
         self._none = np.zeros(count, dtype=bool)
         self._goals: Floats | None = None
         self._random: list[np.random.Generator | None] = [None] * count
@@ -96,7 +95,7 @@ class CompiledSteps:
 
     def _rows_of_one(self, m: int, n: int) -> list[dict[str, Floats]]:
         """Results of a single robot, which `step` copies in one piece, by field of ``Step``."""
-        sizes = {name: m for name in ("lengths", "tensions", "slack_paid_out", "slack_target")}
+        sizes = dict.fromkeys(("lengths", "tensions", "slack_paid_out", "slack_target"), m)
         sizes |= {"joint_angles": n, **dict.fromkeys(NUMBERS, 1)}
         ends = np.cumsum([0, *sizes.values()]).tolist()
         parts = [*map(slice, ends, ends[1:])]
@@ -118,7 +117,10 @@ class CompiledSteps:
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...] = actions
-        if self._robots[0].random is not self._random[0]:
+        robot = self._robots[0]
+        if robot.events:
+            self._apply_events()
+        if robot.random is not self._random[0]:
             self._use_generator(0)
         if goals is not self._goals:
             self._goals = goals
@@ -156,14 +158,14 @@ class CompiledSteps:
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...], self._moving[:] = actions, moving
+        if any(map(_events, self._eventful)):
+            self._apply_events()
         if self._advance() == DIVERGED:
             return self._outcomes == DIVERGED
         return self._none.copy()
 
     def _advance(self) -> int:
         """Step the robots; return the worst outcome."""
-        if any(map(_events, self._eventful)):
-            self._apply_events()
         worst: int = self._run()
         if worst == BROKEN:
             first = int(np.flatnonzero(self._outcomes == BROKEN)[0])

@@ -27,6 +27,7 @@ from kengoro_env.types import Floats
 TARGET_PERIOD = 4.0
 """Time between two targets [s]."""
 
+
 class Reach:
     """Targets that change every `TARGET_PERIOD`; a target given as an option stays.
 
