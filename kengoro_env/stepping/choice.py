@@ -18,7 +18,7 @@ from kengoro_env.stepping.tracked_object import TrackedObject
 Steps = CompiledSteps | NumpySteps
 
 MOST_THREADS = 256
-"""Largest number of threads, that of control_step.c."""
+"""Largest number of threads."""
 
 LEAST_WORK = 80
 """A further thread pays only for this much `work` or more: two steps of the nominal elbow."""
