@@ -297,7 +297,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             observation, info = deepcopy(self._last)
             info |= {"success": np.array(False), "reason": reason}
             return observation, 0.0, True, False, info
-        observation, info, error, tension, state, _ = report
+        observation, info, error, tension, state = report
         reward, ended = task.judge(info, error, tension, state)
         if self._camera is not None:
             self._camera.update(self.robot.data)

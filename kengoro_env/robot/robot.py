@@ -305,6 +305,11 @@ class Robot(Body):
         }
 
     @property
+    def plans_events(self) -> bool:
+        """Whether each reset plans elongations that come in the episode."""
+        return bool(self._planned)
+
+    @property
     def kinds_of_noise(self) -> int:
         """Number of kinds of sensors that have noise."""
         return self._sensors.kinds_of_noise

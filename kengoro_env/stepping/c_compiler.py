@@ -1,9 +1,9 @@
 """Compiles the C code of control steps and images with the system's C compiler.
 
 The library is compiled on first use and kept in the user's cache folder, under a name with the hash
-of sources, MuJoCo's version, compiler, options and machine. What others may have written, or what
-is cut off, is not loaded. Without compiled code NumPy computes the same bits and MuJoCo renders the
-same pixels, but slower; the log gives the reason.
+of sources, versions of MuJoCo and NumPy, compiler, options and machine. What others may have
+written, or what is cut off, is not loaded. Without compiled code NumPy computes the same bits and
+MuJoCo renders the same pixels, but slower; the log gives the reason.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 from platform import machine
 
 import mujoco
+import numpy as np
 from platformdirs import user_cache_path
 
 from kengoro_env.errors import NotCompiledError
@@ -32,7 +33,13 @@ SWITCH = "KENGORO_COMPILED"
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = [
-    _PACKAGE / name for name in ("stepping/control_step.c", "vision/scene.c", "vision/picture.c")
+    _PACKAGE / name
+    for name in (
+        "stepping/control_step.c",
+        "stepping/threads.c",
+        "vision/scene.c",
+        "vision/picture.c",
+    )
 ]
 _OPTIONS = ("-O3", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
 _TIMEOUT = 60.0  # of the compiler [s]
@@ -71,9 +78,12 @@ def load(folder: Path) -> ctypes.CDLL:
     engines = sorted(mujocos.glob("libmujoco.*"))
     if len(engines) != 1:
         raise NotCompiledError(f"{mujocos} must hold one library of MuJoCo, found {len(engines)}")
+    noise = Path(np.__file__).parent / "random" / "lib" / "libnpyrandom.a"
+    if not noise.is_file():
+        raise NotCompiledError(f"NumPy must come with its library {noise}")
     compiler = shlex.split(os.environ.get("CC") or "cc")
     texts = [path.read_text("utf-8") for path in _SOURCES]
-    parts = (*texts, mujoco.__version__, *compiler, *_OPTIONS, machine())
+    parts = (*texts, mujoco.__version__, np.__version__, *compiler, *_OPTIONS, machine())
     name = sha256("\0".join(parts).encode()).hexdigest()[:16]
     path = folder / f"compiled-{name}.so"
     if not private_cache.make_private(folder) or (
@@ -91,7 +101,7 @@ def load(folder: Path) -> ctypes.CDLL:
         except OSError:
             pass  # compiled on another machine that shares the folder
     options = [*_OPTIONS, "-I", str(mujocos / "include")]
-    _compile([*compiler, *options, *map(str, _SOURCES), str(engines[0]), "-lm"], path)
+    _compile([*compiler, *options, *map(str, _SOURCES), str(engines[0]), str(noise), "-lm"], path)
     return ctypes.CDLL(str(path))
 
 

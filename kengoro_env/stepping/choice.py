@@ -12,12 +12,13 @@ from kengoro_env.spaces import LengthBounds
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.stepping.compiled_steps import CompiledSteps, copies
 from kengoro_env.stepping.numpy_steps import NumpySteps
+from kengoro_env.stepping.report import Latest
 from kengoro_env.stepping.tracked_object import TrackedObject
 
 Steps = CompiledSteps | NumpySteps
 
 MOST_THREADS = 256
-"""Largest number of threads, that of control_step.c."""
+"""Largest number of threads."""
 
 LEAST_WORK = 80
 """A further thread pays only for this much `work` or more: two steps of the nominal elbow."""
@@ -41,33 +42,33 @@ def steps_of_one(
 
 
 def steps_of_many(
-    templates: Sequence[Robot], bounds: LengthBounds, count: int, threads: int
+    templates: Sequence[Robot], bounds: LengthBounds, latest: Latest, threads: int
 ) -> Steps:
-    """Control steps of ``count`` copies of a robot, or of one each, whose states `restore` sets.
+    """Control steps of copies of a robot, or of one each, whose states `restore` sets.
 
     Args:
-        templates: one robot, or ``count`` with the same muscles and joints.
+        templates: one robot, or one for each row of ``latest``, with the same muscles and joints.
         bounds: bounds of the lengths, for actions and observations.
-        count: number of copies.
+        latest: the results, to which steps write.
         threads: number of threads, at most `MOST_THREADS`; 0: as many as pay, at most one per core.
 
     Raises:
         ArgumentError: there are several robots, and no compiled code to step them.
     """
-    compiled, robot = library(), templates[0]
+    compiled, robot, count = library(), templates[0], len(latest["time"])
     if compiled is None:
         if len(templates) > 1:
             raise ArgumentError(
                 "models for each environment need a C compiler; without one, make a "
                 "gymnasium.vector.SyncVectorEnv of environments with a model each"
             )
-        return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
+        return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles, latest=latest)
     threads = threads or threads_for(robot, count)
     if len(templates) == 1:
         robots = copies(robot, count)
     else:
         robots = [copies(each, 1)[0] for each in templates]
-    return CompiledSteps(compiled, robots, bounds, robot.muscles, single=False, threads=threads)
+    return CompiledSteps(compiled, robots, bounds, robot.muscles, latest=latest, threads=threads)
 
 
 def threads_for(robot: Robot, count: int) -> int:

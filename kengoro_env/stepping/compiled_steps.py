@@ -8,6 +8,7 @@ from copy import deepcopy
 from functools import partial
 from operator import attrgetter
 from typing import Any
+from weakref import finalize
 
 import mujoco
 import numpy as np
@@ -17,13 +18,17 @@ from kengoro_env.errors import DivergedError
 from kengoro_env.robot.robot import Robot
 from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.spaces import LengthBounds, check_actions
-from kengoro_env.stepping.report import Report
+from kengoro_env.stepping import reach_reward
+from kengoro_env.stepping.report import Latest, Report
 from kengoro_env.stepping.step_structures import Fleet, Step, fill
 from kengoro_env.stepping.tracked_object import ObjectState, TrackedObject
 from kengoro_env.types import Bools, Floats
 
 DONE, INVALID, DIVERGED, BROKEN = range(4)
 """Outcomes of a step in control_step.c, from best to worst."""
+
+NUMBERS = ("error", "tension", "time", "distance", "touched")
+"""Results of a single robot that are one number."""
 
 _events = attrgetter("events")
 _new_report = partial(tuple.__new__, Report)  # a third of the time of Report(...)
@@ -32,16 +37,13 @@ _new_report = partial(tuple.__new__, Report)  # a third of the time of Report(..
 class CompiledSteps:
     """Control steps of one robot, or of many robots of one model.
 
-    A single robot is a fleet of one: its rows of the fleet's arrays are used without the axis of
-    robots.
-
     Args:
         compiled: the compiled code, see `c_compiler.library`.
         robots: the robots; all have the same model.
         bounds: bounds of the lengths, for actions and observations.
         entries: names of the entries of an action: muscles, then "fingers" if they are commanded.
         tracked: the object that the hand of a single robot is to lift.
-        single: whether rows have no axis of robots.
+        latest: the results of many robots, to which steps write; None: a single robot.
         threads: number of threads that step the robots, at most 256.
     """
 
@@ -52,86 +54,85 @@ class CompiledSteps:
         bounds: LengthBounds,
         entries: Sequence[str],
         tracked: TrackedObject | None = None,
-        single: bool = True,
+        latest: Latest | None = None,
         threads: int = 1,
     ) -> None:
-        self._robots, self._entries, self._single = robots, entries, single
+        self._robots, self._entries = robots, entries
         count, m, n = len(robots), len(robots[0].muscles), len(robots[0].joints)
         actions = np.full((count, m + 1), -1.0)  # -1 opens fingers that have no entry
-        self._noisy = robots[0].kinds_of_noise > 0
-        self._noise = list(np.zeros((count, m * robots[0].kinds_of_noise)))
-        ends = (*range(0, 4 * m + 1, m), 4 * m + n, 4 * m + n + 5)
-        parts = tuple(map(slice, ends, ends[1:]))
-        reports, poses = np.zeros((count, ends[-1])), np.tile(np.eye(4), (count, 1, 1))
+        noise = np.zeros((count, m * robots[0].kinds_of_noise))
         self._object_pose = None if tracked is None else np.eye(4)
         tracking = {"object": -1} if tracked is None else tracked.layout()
         shared = {**bounds.layout(), **tracking, "object_pose": self._object_pose}
+        results = self._rows_of_one(m, n) if latest is None else _rows_of_many(latest)
         self._structures = (Step * count)()
         self._kept: list[Any] = []  # the memory that pointers lead to
         for i, (structure, robot) in enumerate(zip(self._structures, robots, strict=True)):
-            own = {"action": actions[i], "noise": self._noise[i]}
-            own |= {"report": reports[i], "pose": poses[i]}
+            own = {"action": actions[i], "noise": noise[i], **results[i]}
             self._kept += fill(structure, {**robot.layout(), **shared, **own})
             for part, friction in zip(structure.friction, robot.motors.frictions, strict=False):
                 self._kept += fill(part, friction.layout(robot.model))
-        rows = 0 if self._single else slice(None)
-        self._actions = actions[rows, : len(entries)]
-        self._report, self._poses = reports[rows], poses[rows]
-        self._columns = [columns if self._single else (rows, columns) for columns in parts]
+        self._actions = actions[0 if latest is None else slice(None), : len(entries)]
+        self._eventful = [each for each in robots if each.plans_events]
+        self._none = np.zeros(count, dtype=bool)
         self._goals: Floats | None = None
+        self._random: list[np.random.Generator | None] = [None] * count
         self._moving = np.ones(count, dtype=np.uint8)
         self._outcomes = np.zeros(count, dtype=np.int32)
+        self._taken = np.zeros(count, dtype=np.uint8)
         self._fleet = Fleet(
             ctypes.addressof(self._structures),
             self._moving.ctypes.data,
             self._outcomes.ctypes.data,
+            self._taken.ctypes.data,
             count,
             threads,
-            not self._noisy,  # else after the noise has been sampled
         )
-        self._run = partial(compiled.control_steps, ctypes.byref(self._fleet))
-        self._write_reports = partial(compiled.write_reports, ctypes.byref(self._fleet))
+        fleet = ctypes.byref(self._fleet)
+        self._run = partial(compiled.control_steps, fleet)
+        if threads > 1:
+            finalize(self, compiled.end_fleet, fleet)
 
-    def step(
-        self,
-        actions: NDArray[np.floating[Any]],
-        goals: Floats | None,
-        moving: Bools | None = None,
-    ) -> Report:
-        """Carry out actions for one control period.
+    def _rows_of_one(self, m: int, n: int) -> list[dict[str, Floats]]:
+        """Results of a single robot, which `step` copies in one piece, by field of ``Step``."""
+        sizes = dict.fromkeys(("lengths", "tensions", "slack_paid_out", "slack_target"), m)
+        sizes |= {"joint_angles": n, **dict.fromkeys(NUMBERS, 1)}
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        parts = [*map(slice, ends, ends[1:])]
+        self._report, self._pose = np.zeros(ends[-1]), np.eye(4)
+        self._columns = (*parts[:5], slice(ends[5], None))
+        rows = {name: self._report[part] for name, part in zip(sizes, parts, strict=True)}
+        return [{**rows, "hand_pose": self._pose}]
+
+    def step(self, actions: NDArray[np.floating[Any]], goals: Floats | None) -> Report:
+        """Carry out an action of a single robot for one control period.
 
         Args:
-            actions: an entry per entry name, (k,) or (count, k).
-            goals: joint angles to reach, (n,) or (count, n) [rad], an array that stays in use;
-                None: no goal.
-            moving: which of many robots move (count,); None: all.
+            actions: an entry per entry name (k,).
+            goals: joint angles to reach (n,) [rad], an array that is not written to; None: no goal.
 
         Raises:
-            InvalidActionError: an entry is not in [-1, 1]; that robot has not moved.
-            DivergedError: the state of a single robot is no longer finite; see `Report.diverged`.
+            InvalidActionError: an entry is not in [-1, 1]; the robot has not moved.
+            DivergedError: the state of the simulation is no longer finite.
             mujoco.FatalError: MuJoCo raised an error.
         """
         self._actions[...] = actions
-        if moving is not None:
-            self._moving[:] = moving
-        if goals is not self._goals:
-            self._aim(goals)
-        robots = self._robots
-        if robots[0].events if self._single else any(map(_events, robots)):
+        robot = self._robots[0]
+        if robot.events:
             self._apply_events()
-        worst = self._run()
-        if worst:
-            self._raise(worst)
-        if self._noisy:
-            self._sample_noise()
-            self._write_reports()
+        if robot.random is not self._random[0]:
+            self._use_generator(0)
+        if goals is not self._goals:
+            self._goals = goals
+            self._structures[0].goal = None if goals is None else goals.ctypes.data
+        if self._advance() == DIVERGED:
+            raise DivergedError
         values = self._report.copy()
         lengths, tensions, slack, beyond, angles, numbers = self._columns
-        last: Any = values[numbers]
-        error, tension, time, distance, touched = last.tolist() if self._single else last.T
+        error, tension, time, distance, touched = values[numbers].tolist()
         truth = {
             "joint_angles": values[angles],
-            "hand_pose": self._poses.copy(),
+            "hand_pose": self._pose.copy(),
             "slack_paid_out": values[slack],
             "slack_target": values[beyond],
             "time": time,
@@ -140,12 +141,43 @@ class CompiledSteps:
         if self._object_pose is not None:
             state = ObjectState(self._object_pose.copy(), distance, int(touched))
         observation = {"lengths": values[lengths], "tensions": values[tensions]}
-        diverged = False if self._single else self._outcomes == DIVERGED
-        return _new_report((observation, truth, error, tension, state, diverged))
+        return _new_report((observation, truth, error, tension, state))
+
+    def step_many(self, actions: NDArray[np.floating[Any]], moving: Bools) -> Bools:
+        """Carry out actions of many robots for one control period, and write the latest results.
+
+        Args:
+            actions: an entry per entry name (count, k).
+            moving: which robots move (count,).
+
+        Returns:
+            Which robots diverged: their state is no longer finite (count,).
+
+        Raises:
+            InvalidActionError: an entry is not in [-1, 1]; no robot has moved.
+            mujoco.FatalError: MuJoCo raised an error.
+        """
+        self._actions[...], self._moving[:] = actions, moving
+        if any(map(_events, self._eventful)):
+            self._apply_events()
+        if self._advance() == DIVERGED:
+            return self._outcomes == DIVERGED
+        return self._none.copy()
+
+    def _advance(self) -> int:
+        """Step the robots; return the worst outcome."""
+        worst: int = self._run()
+        if worst == BROKEN:
+            first = int(np.flatnonzero(self._outcomes == BROKEN)[0])
+            raise mujoco.FatalError(self._structures[first].reason.decode(errors="replace"))
+        if worst == INVALID:
+            check_actions(self._actions, self._entries)
+        return worst
 
     def restore(self, i: int, state: RobotState) -> None:
         """Continue robot ``i`` of many from a state."""
         self._robots[i].restore(state)
+        self._use_generator(i)
 
     def state(self, i: int) -> RobotState:
         """The present state of robot ``i`` of many."""
@@ -155,12 +187,6 @@ class CompiledSteps:
         """Model and data of robot ``i``, to read from."""
         return self._robots[i].model, self._robots[i].data
 
-    def _aim(self, goals: Floats | None) -> None:
-        """Point the structures to the goals of the robots."""
-        self._goals = goals
-        for i, structure in enumerate(self._structures):
-            structure.goal = None if goals is None else np.atleast_2d(goals)[i].ctypes.data
-
     def _apply_events(self) -> None:
         """Apply the events that are due, if the actions are valid."""
         check_actions(self._actions, self._entries)
@@ -168,25 +194,20 @@ class CompiledSteps:
             if moves:
                 robot.elongate_tendons()
 
-    def _sample_noise(self) -> None:
-        """Sample the noise of the sensors of robots that moved."""
-        if self._single:
-            self._robots[0].random.standard_normal(out=self._noise[0])
-            return
-        moved = (self._moving.astype(bool) & (self._outcomes == DONE)).tolist()
-        for robot, noise, moves in zip(self._robots, self._noise, moved, strict=True):
-            if moves:
-                robot.random.standard_normal(out=noise)
+    def _use_generator(self, i: int) -> None:
+        """Sample the noise of the sensors of robot ``i`` by its present generator."""
+        self._random[i] = random = self._robots[i].random
+        self._structures[i].random = random.bit_generator.ctypes.bit_generator
 
-    def _raise(self, worst: int) -> None:
-        """Raise the error of a step that did not succeed in all robots."""
-        if worst == BROKEN:
-            first = int(np.flatnonzero(self._outcomes == BROKEN)[0])
-            raise mujoco.FatalError(self._structures[first].reason.decode(errors="replace"))
-        if INVALID in self._outcomes:
-            check_actions(self._actions, self._entries)
-        if self._single:
-            raise DivergedError
+
+def _rows_of_many(latest: Latest) -> list[dict[str, Any]]:
+    """Results of each robot by field of ``Step``, with the constants that judge them."""
+    rows = {name: values.reshape(len(values), -1) for name, values in latest.items()}
+    rows["goal"] = rows.pop("target")
+    return [
+        {**{name: values[i] for name, values in rows.items()}, **reach_reward.layout()}
+        for i in range(len(rows["goal"]))
+    ]
 
 
 def copies(robot: Robot, count: int) -> list[Robot]:

@@ -8,10 +8,13 @@
    m is the number of muscles, n the number of joints that muscles actuate. Pointers lead to the
    memory of NumPy or MuJoCo arrays. Lengths are in m, tensions in N, angles in rad. */
 
+#define _POSIX_C_SOURCE 200809L
+
 #include <math.h>
-#include <pthread.h>
+#include <sched.h>
 #include <setjmp.h>
 #include <stdatomic.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -62,7 +65,8 @@ typedef struct {
   const double* length_quantum;
   const double* tension_offset;
   const double* tension_noise;
-  const double* noise; /* standard normal samples: for lengths, then for tensions, if noisy */
+  double* noise; /* standard normal samples: for lengths, then for tensions, if noisy */
+  void* random;  /* NumPy's bit generator of the noise */
 
   const double* zero;      /* (m,) length paid out in the zero posture */
   const int64_t* position; /* (n,) indices of the joints in qpos */
@@ -78,14 +82,31 @@ typedef struct {
   const double* action; /* (m + 1,) in [-1, 1]; the last entry is for the fingers */
   const double* goal;   /* (n,) joint angles to reach, or NULL */
 
-  /* Results. */
+  /* Reward and success of reaching the goal (reach_reward.py). */
+  const double* until; /* time of the next goal */
+  double tolerance;
+  double reward_scale;
+  double effort;
+  double effort_scale;
+
+  /* Results (report.py). Pointers without a size lead to one number. */
   double* target; /* (m,) target lengths that the action commanded */
-  double* report; /* (4 m + n + 5,): see write_report */
-  double* pose;   /* (4, 4) of the grip in the world; the last row is not written */
+  double* lengths;        /* (m,) sensed, within bounds */
+  double* tensions;       /* (m,) sensed, within bounds */
+  double* slack_paid_out; /* (m,) length paid out beyond the path */
+  double* slack_target;   /* (m,) target length beyond the true length */
+  double* joint_angles;   /* (n,) */
+  double* hand_pose;      /* (4, 4) of the grip in the world; the last row is not written */
+  double* error;          /* mean square error of the joint angles */
+  double* tension;        /* mean tension */
+  double* time;
+  double* distance; /* of the object from the grip */
+  double* touched;  /* flags of the body parts that touch the object */
+  double* reward;   /* NULL: the step is not judged, and the next results are not written */
+  uint8_t* success;
+  uint8_t* due; /* whether the time of the next goal has come */
   char reason[256]; /* message of an error of MuJoCo */
 } Step;
-
-enum { MOST_THREADS = 256 };
 
 /* Outcomes of a step, from best to worst. */
 enum { DONE, INVALID, DIVERGED, BROKEN };
@@ -189,7 +210,7 @@ static void write_pose(double* pose, const double* position, const double* rotat
 }
 
 /* Write the object's distance from the grip point, its touchers and its pose (TrackedObject). */
-static void observe_object(const Step* s, double* result) {
+static void observe_object(const Step* s) {
   const mjData* data = s->data;
   const double* position = data->xpos + 3 * s->object;
   const double* grip = data->site_xpos + 3 * s->grip;
@@ -202,15 +223,29 @@ static void observe_object(const Step* s, double* result) {
     int other = first == s->object_geom ? second : first;
     touched |= s->toucher[other < 0 ? s->model->ngeom : other];
   }
-  result[0] = sqrt(x * x + y * y + z * z);
-  result[1] = (double)touched;
+  *s->distance = sqrt(x * x + y * y + z * z);
+  *s->touched = (double)touched;
   write_pose(s->object_pose, position, data->xmat + 9 * s->object);
 }
 
-/* Write the report of the present state (Report, report.py). Its entries are, in this order:
-   sensed lengths (m,) and tensions (m,), within bounds; slack, which is the length paid out beyond
-   the path (m,); target length beyond the true length (m,); joint angles (n,); their mean square
-   error; mean tension; time; distance and touchers of the object. */
+/* Write reward and success (judged, reach_reward.py). Python's exponential is that of C. */
+static void judge(const Step* s) {
+  double error = sqrt(*s->error);
+  double effort = at_most(*s->tension / s->effort_scale, 1.0);
+  *s->reward = exp(-error / s->reward_scale) - s->effort * effort;
+  *s->success = error < s->tolerance;
+  *s->due = *s->time >= *s->until;
+}
+
+/* Of NumPy's static library: what `Generator.standard_normal` calls. */
+extern void random_standard_normal_fill(void* generator, ptrdiff_t count, double* samples);
+
+static void sample_noise(const Step* s) {
+  int64_t kinds = (s->length_noise != NULL) + (s->tension_noise != NULL);
+  if (kinds) random_standard_normal_fill(s->random, kinds * s->muscles, s->noise);
+}
+
+/* Write the results of the present state (Report, report.py). */
 static void write_report(const Step* s) {
   const mjData* data = s->data;
   int64_t m = s->muscles, n = s->joints;
@@ -239,35 +274,34 @@ static void write_report(const Step* s) {
     if (s->length_offset) sensed += s->length_offset[i];
     if (s->length_noise) sensed += s->length_noise[i] * length_noise[i];
     if (s->length_quantum) sensed = rint(sensed / s->length_quantum[i]) * s->length_quantum[i];
-    s->report[i] = at_most(at_least(sensed, s->low[i]), s->high[i]);
+    s->lengths[i] = at_most(at_least(sensed, s->low[i]), s->high[i]);
 
     sensed = tension;
     if (s->tension_offset) sensed += s->tension_offset[i];
     if (s->tension_noise) sensed += s->tension_noise[i] * tension_noise[i];
     if (s->tension_offset || s->tension_noise) sensed = at_least(sensed, 0.0);
-    s->report[m + i] = at_most(sensed, s->most_tension[i]);
+    s->tensions[i] = at_most(sensed, s->most_tension[i]);
 
-    s->report[2 * m + i] = at_least(paid_out + s->elongation[i] - path, 0.0);
+    s->slack_paid_out[i] = at_least(paid_out + s->elongation[i] - path, 0.0);
     double beyond = s->target[i] - length;
     if (s->length_offset) beyond -= s->length_offset[i];
-    s->report[3 * m + i] = at_least(beyond, 0.0);
+    s->slack_target[i] = at_least(beyond, 0.0);
   }
-  double* angles = s->report + 4 * m;
   double squares = 0.0;
   for (int64_t i = 0; i < n; i++) {
-    angles[i] = data->qpos[s->position[i]];
-    if (s->goal) squares += (angles[i] - s->goal[i]) * (angles[i] - s->goal[i]);
+    double angle = s->joint_angles[i] = data->qpos[s->position[i]];
+    if (s->goal) squares += (angle - s->goal[i]) * (angle - s->goal[i]);
   }
-  angles[n] = squares / (double)n;
-  angles[n + 1] = total / (double)m;
-  angles[n + 2] = data->time;
-  write_pose(s->pose, data->site_xpos + 3 * s->grip, data->site_xmat + 9 * s->grip);
-  if (s->object >= 0) observe_object(s, angles + n + 3);
+  *s->error = squares / (double)n;
+  *s->tension = total / (double)m;
+  *s->time = data->time;
+  write_pose(s->hand_pose, data->site_xpos + 3 * s->grip, data->site_xmat + 9 * s->grip);
+  if (s->object >= 0) observe_object(s);
+  if (s->reward) judge(s);
 }
 
-/* Carry out the action for one control period; an invalid action moves nothing. */
+/* Carry out a valid action for one control period, and write the results if that succeeds. */
 static int act(Step* s) {
-  if (!is_valid(s)) return INVALID;
   reason = s->reason;
   mjfLogHandler outer = _mjPRIVATE_setTlsLogHandler(catch_error);
   int outcome = BROKEN;
@@ -276,49 +310,68 @@ static int act(Step* s) {
     outcome = advance(s);
   }
   _mjPRIVATE_setTlsLogHandler(outer);
+  if (outcome == DONE) {
+    sample_noise(s);
+    write_report(s);
+  }
   return outcome;
 }
 
-/* Robots that some threads step; each thread takes the next robot that no thread has taken. */
+/* Robots that some threads step. Each thread takes those of its own part first, which are in the
+   cache of its core, and then those that no other thread has taken. */
 typedef struct {
   Step* steps;           /* (count,) */
   const uint8_t* moving; /* (count,) whether the robot is to be stepped */
   int32_t* outcomes;     /* (count,); DONE for a robot that does not move */
+  atomic_uchar* taken;   /* (count,) whether a thread has taken the robot in this step */
   int64_t count;
-  int64_t threads;          /* largest number of threads */
-  int64_t reporting;        /* whether robots write their reports after the step */
-  atomic_int_fast64_t next; /* the next robot to be taken */
+  int64_t threads; /* largest number of threads */
+  void* helpers;   /* the threads beside the caller's, or NULL (threads.c) */
+  atomic_int_fast64_t done; /* number of robots of which the step has ended */
 } Fleet;
 
-static void* work(void* fleet) {
+extern void* call_helpers(
+    void* helpers, int64_t count, void (*work)(void*, int64_t), void* argument);
+extern void end_helpers(void* helpers);
+
+static void work(void* fleet, int64_t thread) {
   Fleet* f = fleet;
-  int64_t i;
-  while ((i = atomic_fetch_add(&f->next, 1)) < f->count) {
-    f->outcomes[i] = f->moving[i] ? act(&f->steps[i]) : DONE;
-    if (f->reporting && f->moving[i] && f->outcomes[i] == DONE) write_report(&f->steps[i]);
+  for (int64_t k = 0; k < f->count; k++) {
+    int64_t i = (k + thread * f->count / f->threads) % f->count;
+    if (atomic_exchange(&f->taken[i], 1)) continue;
+    Step* s = &f->steps[i];
+    f->outcomes[i] = f->moving[i] ? act(s) : DONE;
+    if (s->reward && (!f->moving[i] || f->outcomes[i] != DONE)) {
+      *s->reward = 0.0;
+      *s->success = *s->due = 0;
+    }
+    atomic_fetch_add(&f->done, 1);
   }
-  return NULL;
 }
 
-/* Step the robots that move. Returns the worst outcome. */
-int control_steps(Fleet* f) {
-  pthread_t others[MOST_THREADS];
-  int64_t started = 0;
-  atomic_store(&f->next, 0);
-  while (started < MOST_THREADS && started < f->threads - 1 &&
-         !pthread_create(&others[started], NULL, work, f)) {
-    started++;
+static int are_valid(const Fleet* f) {
+  for (int64_t i = 0; i < f->count; i++) {
+    if (!is_valid(&f->steps[i])) return 0;
   }
-  work(f);
-  for (int64_t k = 0; k < started; k++) pthread_join(others[k], NULL);
+  return 1;
+}
+
+/* Step the robots that move; an invalid action moves none. Returns the worst outcome. */
+int control_steps(Fleet* f) {
+  if (!are_valid(f)) return INVALID;
+  atomic_store(&f->done, 0);
+  /* From here on helpers take robots, also those that come late. */
+  for (int64_t i = 0; i < f->count; i++) atomic_store(&f->taken[i], 0);
+  if (f->threads > 1) f->helpers = call_helpers(f->helpers, f->threads - 1, work, f);
+  work(f, 0);
+  while (atomic_load(&f->done) < f->count) sched_yield(); /* at most for one step of a robot */
   int worst = DONE;
   for (int64_t i = 0; i < f->count; i++) worst = f->outcomes[i] > worst ? f->outcomes[i] : worst;
   return worst;
 }
 
-/* Write the reports of the robots that `control_steps` moved without reporting. */
-void write_reports(const Fleet* f) {
-  for (int64_t i = 0; i < f->count; i++) {
-    if (f->moving[i] && f->outcomes[i] == DONE) write_report(&f->steps[i]);
-  }
+/* End the threads that help. */
+void end_fleet(Fleet* f) {
+  end_helpers(f->helpers);
+  f->helpers = NULL;
 }

@@ -13,7 +13,8 @@ from kengoro_env.robot.robot import Robot
 from kengoro_env.robot.robot_batch import RobotBatch
 from kengoro_env.robot.robot_state import RobotState
 from kengoro_env.spaces import LengthBounds, check_actions
-from kengoro_env.stepping.report import Report, measured_report
+from kengoro_env.stepping.reach_reward import judged
+from kengoro_env.stepping.report import Latest, Report, measured_report
 from kengoro_env.stepping.tracked_object import TrackedObject
 from kengoro_env.types import Bools, Floats
 
@@ -26,6 +27,7 @@ class NumpySteps:
         bounds: bounds of the lengths, for actions and observations.
         entries: names of the entries of an action: muscles, then "fingers" if they are commanded.
         tracked: the object that the hand of a single robot is to lift.
+        latest: the results of many robots, to which steps write; None: a single robot.
     """
 
     def __init__(
@@ -34,28 +36,41 @@ class NumpySteps:
         bounds: LengthBounds,
         entries: Sequence[str],
         tracked: TrackedObject | None = None,
+        latest: Latest | None = None,
     ) -> None:
         self._robots, self._bounds, self._entries = robots, bounds, entries
-        self._tracked = tracked
+        self._tracked, self._latest = tracked, latest
 
-    def step(
-        self,
-        actions: NDArray[np.floating[Any]],
-        goals: Floats | None,
-        moving: Bools | None = None,
-    ) -> Report:
-        """Carry out actions for one control period; see `CompiledSteps.step`."""
+    def step(self, actions: NDArray[np.floating[Any]], goals: Floats | None) -> Report:
+        """Carry out an action for one control period; see `CompiledSteps.step`."""
+        robot = self._robots
+        assert isinstance(robot, Robot)
+        clipped = self._clipped(actions)
+        count = len(robot.muscles)
+        robot.close_fingers(float(clipped[-1]) if len(clipped) > count else -1.0)
+        robot.step(self._bounds.to_lengths(clipped[:count]))
+        return measured_report(robot, self._bounds, goals, self._tracked)
+
+    def step_many(self, actions: NDArray[np.floating[Any]], moving: Bools) -> Bools:
+        """Carry out actions for one control period; see `CompiledSteps.step_many`."""
+        robots, latest = self._robots, self._latest
+        assert isinstance(robots, RobotBatch)
+        assert latest is not None
+        diverged = robots.step(self._bounds.to_lengths(self._clipped(actions)), moving)
+        report = measured_report(robots, self._bounds, latest["target"])
+        moved = moving & ~diverged
+        outcomes = map(judged, report.error.tolist(), report.tension.tolist())
+        rewards, successes = map(np.array, zip(*outcomes, strict=True))
+        latest["reward"][:], latest["success"][:] = np.where(moved, rewards, 0.0), moved & successes
+        for name, values in (report.observation | report.truth).items():
+            latest[name][moved] = values[moved]
+        latest["due"][:] = moved & (latest["time"] >= latest["until"])
+        return diverged
+
+    def _clipped(self, actions: NDArray[np.floating[Any]]) -> Floats:
         check_actions(actions, self._entries)
-        robots, count = self._robots, len(self._robots.muscles)
         clipped: Floats = np.clip(actions.astype(float), -1.0, 1.0)
-        target = self._bounds.to_lengths(clipped[..., :count])
-        if isinstance(robots, Robot):
-            robots.close_fingers(float(clipped[-1]) if len(clipped) > count else -1.0)
-            robots.step(target)
-            return measured_report(robots, self._bounds, goals, self._tracked)
-        assert moving is not None
-        diverged = robots.step(target, moving)
-        return measured_report(robots, self._bounds, goals, diverged=diverged)
+        return clipped
 
     def restore(self, i: int, state: RobotState) -> None:
         """Continue robot ``i`` of many from a state."""

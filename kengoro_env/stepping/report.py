@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kengoro_env.robot.body import Body
 from kengoro_env.spaces import LengthBounds
 from kengoro_env.stepping.tracked_object import ObjectState, TrackedObject
-from kengoro_env.types import Bools, Floats
+from kengoro_env.types import Floats
 
 Observation = dict[str, Any]
+Latest = dict[str, NDArray[Any]]
 
 
 class Report(NamedTuple):
     """State of a robot after a control step; of many robots with a leading axis of robots.
-
-    Rows of robots that did not move or that diverged are not valid.
 
     Attributes:
         observation: ``lengths`` (m,) [m] and ``tensions`` (m,) [N] as sensed, within bounds.
@@ -26,7 +26,6 @@ class Report(NamedTuple):
         error: mean square error of the joint angles [rad^2], float or (count,); 0 without a goal.
         tension: mean tension of the muscles [N], float or (count,).
         object_state: state of the object that the hand is to lift; None without an object.
-        diverged: whether the state of the simulation is no longer finite.
     """
 
     observation: Observation
@@ -34,7 +33,25 @@ class Report(NamedTuple):
     error: Any
     tension: Any
     object_state: ObjectState | None = None
-    diverged: bool | Bools = False
+
+
+def latest_results(count: int, muscles: int, joints: int) -> Latest:
+    """Arrays for the latest results of many robots, by name, with a leading axis of robots.
+
+    They are the entries of `Report`; ``reward`` and ``success`` (count,); and ``due`` (count,),
+    whether the time of the next target has come. Rows of robots that do not move, or that diverge,
+    stay as they are, but for a reward of 0 without success. Steps read ``target`` (count, n), the
+    joint angles to reach [rad], and ``until`` (count,), the time of the next target [s].
+    """
+    of_muscles = ("lengths", "tensions", "slack_paid_out", "slack_target")
+    return {
+        **{name: np.zeros((count, muscles)) for name in of_muscles},
+        **{name: np.zeros((count, joints)) for name in ("joint_angles", "target")},
+        "hand_pose": np.tile(np.eye(4), (count, 1, 1)),
+        **{name: np.zeros(count) for name in ("error", "tension", "time", "reward")},
+        **{name: np.zeros(count, dtype=bool) for name in ("success", "due")},
+        "until": np.full(count, np.inf),
+    }
 
 
 def measured_report(
@@ -42,7 +59,6 @@ def measured_report(
     bounds: LengthBounds,
     goals: Floats | None,
     tracked: TrackedObject | None = None,
-    diverged: bool | Bools = False,
 ) -> Report:
     """Measure a robot, or many robots, with NumPy.
 
@@ -51,7 +67,6 @@ def measured_report(
         bounds: bounds of the sensed lengths and tensions.
         goals: joint angles to reach, (n,) or (count, n) [rad]; None: no goal.
         tracked: the object that the hand of a single robot is to lift.
-        diverged: see `Report`.
     """
     now = body.measure()
     error: Any = 0.0
@@ -74,7 +89,6 @@ def measured_report(
         error,
         mean(now.tensions),
         None if tracked is None else tracked.observe(body.data),
-        diverged,
     )
 
 

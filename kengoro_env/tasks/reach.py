@@ -6,45 +6,26 @@ The reward of a step is
 
 where error is the root mean square error of the joint angles. It is at most 1, increases as the arm
 approaches the target, and is slightly lower for muscles that pull against each other. Success is an
-error below `TOLERANCE`.
+error below `TOLERANCE`. The constants are in `kengoro_env.stepping.reach_reward`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import exp, inf, radians, sqrt
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from kengoro_env.robot.body import INSTANT
 from kengoro_env.robot.robot import Robot
+from kengoro_env.stepping.reach_reward import judged
 from kengoro_env.stepping.tracked_object import ObjectState
 from kengoro_env.tasks.task import Outcome
 from kengoro_env.types import Floats
 
 TARGET_PERIOD = 4.0
 """Time between two targets [s]."""
-
-TOLERANCE = radians(5.0)
-"""Error of a success [rad]."""
-
-REWARD_SCALE = radians(20.0)
-EFFORT, EFFORT_SCALE = 0.05, 500.0
-
-
-def judged(square: float, tension: float) -> tuple[float, bool]:
-    """Reward and success.
-
-    Python's exponential is used everywhere, because NumPy's has other bits.
-
-    Args:
-        square: mean square error of the joint angles [rad^2].
-        tension: mean tension of the muscles [N].
-    """
-    error = sqrt(square)
-    effort = min(tension / EFFORT_SCALE, 1.0)
-    return exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
 
 
 class Reach:

@@ -213,6 +213,8 @@ def test_what_they_give_is_in_their_spaces_and_is_the_callers() -> None:
     observation["lengths"][:] = np.nan
     infos["joint_angles"][:] = np.nan
     for _ in range(3):
+        infos["_time"][:] = infos["success"][:] = False
+        assert infos["_success"].all()
         observation, _, _, _, infos = many.step(many.action_space.sample())
         assert many.observation_space.contains(observation)
     assert infos["episode"]["l"].tolist() == [3, 3]
@@ -277,6 +279,21 @@ def test_bad_input_is_refused_before_anything_moves() -> None:
         many.step(wrong)
     _, _, _, _, infos = many.step(rest)
     assert infos["time"] == pytest.approx([0.02, 0.02])
+
+
+@pytest.mark.parametrize("more", [{"robot_seed": 3}, ELONGATES], ids=["noise", "events"])
+def test_actions_that_are_refused_sample_no_noise_and_apply_no_event(more: dict[str, Any]) -> None:
+    many, calm = (KengoroVectorEnv(3, "elbow", **more) for _ in range(2))
+    rest = np.zeros((3, 3), dtype=np.float32)
+    wrong = rest.copy()
+    wrong[2, 0] = 1.1
+    for env in (many, calm):
+        env.reset(seed=0)
+    for _ in range(6):
+        with pytest.raises(KengoroError, match=r"environment 2: entry 0 of the action \(biceps\)"):
+            many.step(wrong)
+        for mine, theirs in zip(many.step(rest), calm.step(rest), strict=True):
+            assert same(mine, theirs)
 
 
 def test_it_takes_all_arguments_of_a_single_one() -> None:

@@ -96,6 +96,10 @@ def _other_mujoco(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr(mujoco, "__file__", str(folder / "__init__.py"))
 
 
+def _other_numpy(patch: pytest.MonkeyPatch, folder: Path) -> None:
+    patch.setattr(np, "__file__", str(folder / "__init__.py"))
+
+
 @pytest.mark.parametrize(
     ("obstacle", "reason"),
     [
@@ -106,6 +110,7 @@ def _other_mujoco(patch: pytest.MonkeyPatch, folder: Path) -> None:
         (_no_folder, "exists"),
         (_hidden_folder, "not allowed to read"),
         (_other_mujoco, "must hold one library of MuJoCo, found 0"),
+        (_other_numpy, "NumPy must come with its library"),
     ],
 )
 def test_without_compiled_code_numpy_computes_it_and_the_log_has_the_reason(
