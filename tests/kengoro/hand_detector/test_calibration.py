@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
-from kengoro.hand_detector.calibration import calibrate, calibrated
+from kengoro.hand_detector.calibration import ELSEWHERE, calibrate, calibrated
 from kengoro.hand_detector.evaluation import PoseDeviation
 from kengoro.hand_detector.examples import Source
 from kengoro.hand_detector.frames import FrameMaker
@@ -65,7 +65,7 @@ def test_the_regions_of_a_calibration_hold_the_errors() -> None:
         error = size * np.sqrt(np.diag(claimed)) * random.normal(size=6)
         errors.append(PoseDeviation(error * np.repeat([3.0, 5.0], 3), claimed))
     found = calibrated(model, 0.9, errors)
-    factors = np.repeat([found.position_factor, found.rotation_factor], 3)
+    factors = np.repeat([found.position_factor, found.rotation_factor], 3) / ELSEWHERE
     for part, degrees in ((slice(0, 3), 3), (slice(3, 6), 3), (slice(0, 6), 6)):
         bound = chi2.ppf(0.95, degrees)
         held = np.mean([error.distance(part, factors) < bound for error in errors])
