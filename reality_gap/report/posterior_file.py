@@ -3,8 +3,8 @@
 Keys of the file, with all numbers in SI units:
 
     model                 name of the file of the nominal model, nominal.xml
-    study                 name, duration [s], settle [s], absolute_encoders, and channels: sensor
-                          and kind of each
+    study                 name, duration [s], settle [s], absolute_encoders, channels: sensor and
+                          kind of each, and uses: speed and force of each joint (`JointUse`)
     usual                 effects of all machines: candidates as below
     branches              hypotheses, the likeliest first:
         weight            probability
@@ -17,14 +17,17 @@ Keys of the file, with all numbers in SI units:
 from __future__ import annotations
 
 import json
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location, Parameter
+from reality_gap.causes.support import typical_scales
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.extended import names
 from reality_gap.io.loader import MAX_STEPS
@@ -35,11 +38,12 @@ from reality_gap.study.data import (
     Channel,
     Episode,
     Initial,
+    JointUse,
     Study,
     check_untrusted_model,
     load_spec,
 )
-from reality_gap.study.system import commanded, compile_system
+from reality_gap.study.system import System, commanded, compile_system
 from reality_gap.types import Floats
 
 JSON, MODEL = "posterior.json", "nominal.xml"
@@ -58,6 +62,7 @@ def posterior_json(posterior: Posterior) -> dict[str, Any]:
             "settle": study.initial.settle,
             "absolute_encoders": study.absolute_encoders,
             "channels": [{"sensor": c.sensor, "kind": c.kind} for c in study.channels],
+            "uses": {joint: use._asdict() for joint, use in joint_uses(posterior.system).items()},
         },
         "usual": _parts_json(posterior.usual),
         "branches": [
@@ -69,6 +74,22 @@ def posterior_json(posterior: Posterior) -> dict[str, Any]:
             for branch in posterior.branches
         ],
     }
+
+
+def nominal_xml(study: Study) -> str:
+    """Return the nominal model as MJCF.
+
+    MuJoCo writes the spring lengths that its compiler found. Where the model leaves them to the
+    compiler they are left out, so that they follow what a sample changes, as they did before.
+    """
+    spec = study.spec()
+    left = [max(tendon.springlength) < 0.0 for tendon in spec.tendons]
+    root = ElementTree.fromstring(spec.to_xml())
+    elements = [element for section in root.iter("tendon") for element in section]
+    for element, own in zip(elements, left, strict=True):
+        if own:
+            element.attrib.pop("springlength", None)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def write_posterior(posterior: Posterior, path: Path) -> None:
@@ -189,6 +210,29 @@ def _symmetric(rows: list[list[float]], size: int) -> Floats:
     return found
 
 
+def joint_uses(system: System) -> dict[str, JointUse]:
+    """Return how each joint is used in the readings, on which what some causes add depends."""
+    at_joints = {joint: Location("joint", (joint,)) for joint in system.joints}
+    return {
+        joint: JointUse(
+            typical_scales.joint_speed(system, at), typical_scales.joint_force(system, at)[1]
+        )
+        for joint, at in at_joints.items()
+    }
+
+
+def _uses(entry: dict[str, Any], model: mujoco.MjModel) -> dict[str, JointUse]:
+    """Return the uses of joints; a file that is older has none."""
+    found = {}
+    for joint, one in entry.get("uses", {}).items():
+        model.joint(joint)  # KeyError if there is none
+        use = JointUse(float(one["speed"]), float(one["force"]))
+        if not all(0.0 < value < np.inf for value in use):
+            raise ValueError(f"the use of the joint {joint} is {use}")
+        found[joint] = use
+    return found
+
+
 def _study(entry: dict[str, Any], model: Path) -> Study:
     """Return a study without readings, from which the same causes can be built."""
     channels = tuple(
@@ -211,4 +255,5 @@ def _study(entry: dict[str, Any], model: Path) -> Study:
         (Episode("", time, command, ()),),
         Initial(settle=settle),
         bool(entry["absolute_encoders"]),
+        _uses(entry, compiled),
     )

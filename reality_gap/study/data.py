@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -97,6 +97,18 @@ class Initial:
     settle: float = 1.0
 
 
+class JointUse(NamedTuple):
+    """How a joint was used in a log.
+
+    Attributes:
+        speed: typical velocity [rad/s or m/s].
+        force: typical force [N m or N].
+    """
+
+    speed: float
+    force: float
+
+
 @dataclass(frozen=True)
 class Study:
     """Input of a diagnosis.
@@ -109,6 +121,7 @@ class Study:
         initial: initial state of each episode.
         absolute_encoders: whether encoders of tendons read lengths; by default they read the
             difference to the nominal length at the model's ``qpos0``, where they are zeroed.
+        uses: of joints by name, in a study whose readings were left out.
     """
 
     name: str
@@ -117,6 +130,7 @@ class Study:
     episodes: tuple[Episode, ...]
     initial: Initial = field(default_factory=Initial)
     absolute_encoders: bool = False
+    uses: Mapping[str, JointUse] = field(default_factory=dict)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new copy of the model.

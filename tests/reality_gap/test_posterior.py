@@ -27,9 +27,16 @@ from reality_gap.inference.tolerances import Tolerance
 from reality_gap.posterior import Branch, Posterior, TruncatedGaussian
 from reality_gap.report.extended_model import load_extended
 from reality_gap.report.files import write_diagnosis
-from reality_gap.report.posterior_file import load_posterior
+from reality_gap.report.posterior_file import (
+    JSON,
+    MODEL,
+    joint_uses,
+    load_posterior,
+    nominal_xml,
+    write_posterior,
+)
 from reality_gap.simulation.hypothesis import Candidate, Part
-from reality_gap.study.data import Study
+from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, compile_system
 
 Make = Callable[[Verdict], Diagnosis]
@@ -438,3 +445,60 @@ def test_folders_that_samples_cannot_use_are_refused(
     for out, message in ((used, "used is not empty"), (file / "x", "x is in a file")):
         assert main(["sample", str(folder), "--out", str(out)]) == 2
         assert message in capsys.readouterr().err
+
+
+CRANE = """<mujoco><option integrator="implicitfast"/><worldbody>
+  <body name="boom"><joint name="swing" axis="0 1 0" range="-90 90"/>
+    <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.03" mass="2"/>
+    <body name="jib" pos="0.5 0 0"><joint name="lift" axis="0 1 0" range="-90 90"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.02" mass="1"/></body></body>
+  </worldbody>
+  <actuator><motor name="swing_motor" joint="swing" ctrlrange="-60 60" gear="2"/>
+    <position name="lift_servo" joint="lift" kp="200" kv="9" forcerange="-40 40"/></actuator>
+  <sensor><jointpos name="swing_angle" joint="swing"/><jointpos name="lift_angle" joint="lift"/>
+  </sensor></mujoco>"""
+
+
+@pytest.fixture
+def crane(tmp_path: Path) -> System:
+    """A motor and a servo at joints that moved slowly, and the effort of one."""
+    path = tmp_path / "crane.xml"
+    path.write_text(CRANE)
+    time = np.linspace(0.0, 10.0, 501)
+    command = np.stack([20.0 * np.sin(time), 0.2 * np.cos(time)], axis=1)
+    readings = [0.04 * np.sin(time), 0.03 * np.cos(time), 3.0 * np.sin(time)]
+    channels = (
+        Channel("swing", "swing_angle", unit="rad"),
+        Channel("lift", "lift_angle", unit="rad"),
+        Channel("effort", "swing", unit="N m", kind="effort"),
+    )
+    episode = Episode("", time, command, tuple(Reading(time, value) for value in readings))
+    return compile_system(Study("crane", path, channels, (episode,)))
+
+
+@pytest.mark.parametrize("machine", ["system", "crane"])
+def test_a_posterior_with_any_cause_is_loaded_without_the_readings(
+    machine: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    system: System = request.getfixturevalue(machine)
+    found = []
+    for cause in CATALOGUE.values():
+        for location in cause.locations(system):
+            one = Candidate(cause, location, cause.parameters(system, location))
+            values = {p.name: p.null + 0.1 * p.scale for p in one.parameters}
+            found.append(Branch([(one, values)], 1e-4 * np.eye(len(values))))
+    branches = tuple(replace(branch, weight=1.0 / len(found)) for branch in found)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / MODEL).write_text(nominal_xml(system.study))
+    write_posterior(Posterior(system, [], branches), folder / JSON)
+
+    loaded = load_posterior(folder)
+
+    assert joint_uses(loaded.system) == joint_uses(system)
+    for before, after in zip(branches, loaded.branches, strict=True):
+        one, other = (
+            Posterior(own, [], (branch,)).sample(1)[0].spec.to_xml()
+            for own, branch in ((system, before), (loaded.system, after))
+        )
+        assert other == one, before.hypothesis[0][0].cause.id

@@ -124,7 +124,10 @@ def add_friction(
         return
     kind = mujoco.mjtTrn.mjTRN_TENDON if on_tendon else mujoco.mjtTrn.mjTRN_JOINT
     step = float(system.model.opt.timestep)
-    distance = values.get("presliding", presliding_parameter(system, location).null)
+    if "presliding" in values:  # a loaded posterior has no readings for the usual one
+        distance = values["presliding"]
+    else:
+        distance = presliding_parameter(system, location).null
     for name in location.elements:
         limit = STABLE / (_inverse_mass(system, location, name) * step**2)
         stiffness = min(force / distance, limit)

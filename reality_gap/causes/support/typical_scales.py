@@ -44,9 +44,12 @@ SPEED_PERIOD = 0.02
 def joint_force(system: System, location: Location) -> tuple[str, float]:
     """Return unit and typical size of a joint's force: RMS of its effort, or that of the model."""
     joint = location.elements[0]
+    unit = "N" if slides(system, joint) else "N m"
+    if use := system.study.uses.get(joint):
+        return unit, use.force
     size = max((float(np.sqrt(np.mean(e**2))) for e in _efforts(system, joint)), default=0.0)
     load = float(machine_size.machine_size(system).load[machine_size.dof(system, joint)])
-    return ("N" if slides(system, joint) else "N m"), size or load
+    return unit, size or load
 
 
 def force_tolerance(system: System, location: Location) -> float:
@@ -97,6 +100,8 @@ def weakest_force(system: System, location: Location) -> tuple[str, float]:
 def joint_speed(system: System, location: Location) -> float:
     """Return the typical velocity of a joint: the measured RMS, or else half its range a second."""
     joint = location.elements[0]
+    if use := system.study.uses.get(joint):
+        return use.speed
     return _speed(_positions(system, joint)) or _half_range(system, joint)
 
 
@@ -232,7 +237,8 @@ def _half_range(system: System, joint: str) -> float:
 
 def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
     for episode in system.study.episodes:
-        yield from zip(system.study.channels, episode.readings, strict=True)
+        if episode.readings:
+            yield from zip(system.study.channels, episode.readings, strict=True)
 
 
 def _positions(system: System, joint: str) -> list[Reading]:
