@@ -11,7 +11,7 @@ error below `TOLERANCE`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import exp, inf, radians, sqrt
 from typing import Any
 
@@ -64,6 +64,7 @@ class Reach:
     options: Mapping[str, int | None] = {"target": None}
     shows_target = True
     object_name: str | None = None
+    elements: Sequence[tuple[str, str]] = ()
 
     def __init__(
         self,
