@@ -286,7 +286,8 @@ def test_a_learner_has_another_guessed_model_in_each_episode_and_the_same_ones_f
 ) -> None:
     monkeypatch.setattr(reward, "GUESSES", 3)
     models, again = trained_on("guessed", 5), trained_on("guessed", 5)
-    assert models is not None and again is not None
+    assert models is not None
+    assert again is not None
     assert [mass_of(model) for model in models] == [mass_of(model) for model in again]
     env = RowEnv(None, models)
     env.reset(seed=0)
