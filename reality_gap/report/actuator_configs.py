@@ -18,8 +18,8 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.support.lugre import SLIDING
-from reality_gap.errors import StudyError
-from reality_gap.report.engines import friction_of
+from reality_gap.extended import Extended
+from reality_gap.report.engines import actuator_name, friction_of, spec_of
 from reality_gap.types import Floats
 
 
@@ -58,17 +58,18 @@ class _Drive:
         return re.escape(self.element)
 
 
-def isaac_lab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
+def isaac_lab_actuators(model: mujoco.MjSpec | Extended) -> ActuatorConfigs:
     """Return the arguments of an ``ImplicitActuatorCfg`` for all joints that servos move.
 
     Args:
-        spec: the model, such as ``load_extended(folder).spec``; it is not edited.
+        model: the model, such as ``load_extended(folder)``; it is not edited. Effects that an
+            extended one has beside its spec are lacking.
 
     Raises:
-        StudyError: ``spec`` is something else.
+        StudyError: ``model`` is something else.
     """
-    lacking: list[str] = []
-    drives = []
+    spec, beside = spec_of(model)
+    lacking, drives = [*beside], []
     for drive in _drives(spec, lacking):
         if drive.on_tendon:
             lacking.append(f"the actuator of {drive.element} pulls a tendon, not a joint")
@@ -91,16 +92,18 @@ def isaac_lab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
     return ActuatorConfigs((arguments,), tuple(lacking))
 
 
-def mjlab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
+def mjlab_actuators(model: mujoco.MjSpec | Extended) -> ActuatorConfigs:
     """Return the arguments of a ``BuiltinPositionActuatorCfg`` for each servo.
 
     Args:
-        spec: the model, such as ``load_extended(folder).spec``; it is not edited.
+        model: the model, such as ``load_extended(folder)``; it is not edited. Effects that an
+            extended one has beside its spec are lacking.
 
     Raises:
-        StudyError: ``spec`` is something else.
+        StudyError: ``model`` is something else.
     """
-    lacking: list[str] = []
+    spec, beside = spec_of(model)
+    lacking = [*beside]
     arguments = tuple(
         {
             "target_names_expr": (drive.pattern,),
@@ -119,11 +122,6 @@ def mjlab_actuators(spec: mujoco.MjSpec) -> ActuatorConfigs:
 
 def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
     """Yield a servo for each joint and tendon; add what is not in it to ``lacking``."""
-    if not isinstance(spec, mujoco.MjSpec):
-        raise StudyError(
-            "spec must be a mujoco.MjSpec, such as load_extended(folder).spec, "
-            f"not of the type {type(spec).__name__}"
-        )
     model, added = spec.compile(), dict[str, float]()
     frictions = set()
     for actuator in spec.actuators:
@@ -135,7 +133,7 @@ def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
             frictions.add(actuator.name)
     driven = set()
     for i in range(model.nactuator):
-        name = model.actuator(i).name
+        name = actuator_name(model, i)
         if name in frictions:
             continue
         reason = _not_a_servo(model, i)
@@ -153,7 +151,7 @@ def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
 
 def _lost(model: mujoco.MjModel, i: int) -> Iterator[str]:
     """Yield a sentence on each property of a servo that its configuration lacks."""
-    name, gear = model.actuator(i).name, float(model.actuator_gear[i, 0])
+    name, gear = actuator_name(model, i), float(model.actuator_gear[i, 0])
     constant = float(model.actuator_biasprm[i, 0])
     if constant:
         yield f"the actuator {name} adds a constant force of {constant:.4g} N or N m"
@@ -166,9 +164,9 @@ def _lost(model: mujoco.MjModel, i: int) -> Iterator[str]:
         yield f"the forces of all actuators of {element} are from {low:.4g} to {high:.4g}"
     if model.actuator_ctrllimited[i]:
         low, high = model.actuator_ctrlrange[i]
-        yield f"commands of {name} are limited to {low:.4g} to {high:.4g}"
+        yield f"commands of the actuator {name} are limited to {low:.4g} to {high:.4g}"
     if gear != 1.0:
-        yield f"commands of {name} are {gear:.4g} times those of its element"
+        yield f"commands of the actuator {name} are {gear:.4g} times those of its element"
 
 
 def _not_a_servo(model: mujoco.MjModel, i: int) -> str:

@@ -14,7 +14,8 @@ from typing import Any, Literal
 import mujoco
 
 from reality_gap.causes.support.lugre import SLIDING
-from reality_gap.errors import UnknownNameError
+from reality_gap.errors import StudyError, UnknownNameError
+from reality_gap.extended import Extended
 
 Engine = Literal["mjx", "warp"]
 
@@ -62,21 +63,56 @@ class EngineInput:
     lacking: tuple[str, ...]
 
 
-def engine_input(spec: mujoco.MjSpec, engine: Engine) -> EngineInput:
-    """Return a model for another engine, such as ``load_extended(folder).spec``.
+def engine_input(model: mujoco.MjSpec | Extended, engine: Engine) -> EngineInput:
+    """Return a model for another engine, such as ``load_extended(folder)``.
 
     Args:
-        spec: the model; it is not edited.
+        model: the model; it is not edited. Effects that an extended one has beside its spec are
+            lacking in each engine.
         engine: "mjx" or "warp".
 
     Raises:
         UnknownNameError: the engine is unknown.
+        StudyError: ``model`` is something else.
     """
     if engine not in _MORE:
         raise UnknownNameError("engine", engine, _MORE)
-    spec = spec.copy()
+    given, beside = spec_of(model)
+    spec = given.copy()
     replaced = tuple(_replace_friction(spec)) if engine == "mjx" else ()
-    return EngineInput(spec, replaced, tuple(_lacking(spec.compile(), engine)))
+    return EngineInput(spec, replaced, (*beside, *_lacking(spec.compile(), engine)))
+
+
+def spec_of(model: object) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
+    """Return the spec of a model, and a sentence on each effect that is not in it.
+
+    Raises:
+        StudyError: it is neither a spec nor an extended model.
+    """
+    if isinstance(model, Extended):
+        effects = tuple(
+            f"{effect.cause.id} at {', '.join(effect.location.elements)} is not in the model, but "
+            "beside it"
+            for effect in model.effects
+        )
+        return model.spec, effects
+    if isinstance(model, mujoco.MjSpec):
+        return model, ()
+    raise StudyError(
+        "the model must be an extended one, such as load_extended(folder), or a mujoco.MjSpec, "
+        f"not of the type {type(model).__name__}"
+    )
+
+
+def actuator_name(model: mujoco.MjModel, i: int) -> str:
+    """Return the name of an actuator; its number if it has none."""
+    return str(model.actuator(i).name) or f"number {i}"
+
+
+def unit_of(element: mujoco.MjsJoint | mujoco.MjsTendon) -> str:
+    """Return the unit of a force on a joint or tendon."""
+    hinge = isinstance(element, mujoco.MjsJoint) and element.type == mujoco.mjtJoint.mjJNT_HINGE
+    return "N m" if hinge else "N"
 
 
 def _replace_friction(spec: mujoco.MjSpec) -> Iterator[str]:
@@ -90,7 +126,7 @@ def _replace_friction(spec: mujoco.MjSpec) -> Iterator[str]:
         constant = " and its constant force" if actuator.biasprm[0] else ""
         yield (
             f"the dry friction {actuator.name} is friction loss of {element.name}, {force:.4g} "
-            f"N or N m, without motion before it slips{constant}"
+            f"{unit_of(element)}, without motion before it slips{constant}"
         )
         spec.delete(actuator)
 
@@ -114,7 +150,8 @@ def _lacking(model: mujoco.MjModel, engine: str) -> Iterator[str]:
         for kind in ("trn", "dyn", "gain", "bias"):
             value = _word(kind, getattr(model, f"actuator_{kind}type")[i])
             if value not in known[kind]:
-                yield f"the actuator {model.actuator(i).name} is {kind}type {value}, not in {name}"
+                own = actuator_name(model, i)
+                yield f"the actuator {own} is {kind}type {value}, not in {name}"
     for i in range(model.neq):
         value = _word("eq", model.eq_type[i])
         if value not in known["eq"]:

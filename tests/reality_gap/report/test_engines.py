@@ -6,6 +6,7 @@ import json
 import os
 import re
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import find_cause
+from reality_gap.causes.base import Location
 from reality_gap.errors import StudyError, UnknownNameError
+from reality_gap.extended import Effect, Extended
 from reality_gap.report.actuator_configs import isaac_lab_actuators, mjlab_actuators
 from reality_gap.report.engines import engine_input
 from reality_gap.simulation.hypothesis import Candidate, build
@@ -141,7 +144,7 @@ def test_isaac_lab_gets_joints_in_si_units() -> None:
     }
     assert found.lacking == (
         "the forces of the actuator knee are from -5 to 4",
-        "commands of knee are 3 times those of its element",
+        "commands of the actuator knee are 3 times those of its element",
         "the actuator of belt pulls a tendon, not a joint",
         "the actuator thrust is no position servo",
     )
@@ -213,7 +216,7 @@ def one_joint(actuators: str, joint: str = "") -> mujoco.MjSpec:
             '<position name="a" joint="hip" kp="50" gear="-1"/>',
             "",
             1,
-            "commands of a are -1 times those of its element",
+            "commands of the actuator a are -1 times those of its element",
         ),
         (
             '<position name="a" joint="hip" kp="50" gear="0"/>',
@@ -243,7 +246,7 @@ def one_joint(actuators: str, joint: str = "") -> mujoco.MjSpec:
             '<position name="a" joint="hip" kp="50" ctrlrange="-1 2"/>',
             "",
             1,
-            "commands of a are limited to -1 to 2",
+            "commands of the actuator a are limited to -1 to 2",
         ),
         (
             '<position name="a" joint="hip" kp="50"/>',
@@ -294,8 +297,35 @@ def test_names_are_escaped_in_regular_expressions() -> None:
         assert not re.fullmatch(pattern, "hip_0")
 
 
-@pytest.mark.parametrize("configs", [isaac_lab_actuators, mjlab_actuators])
+@pytest.mark.parametrize(
+    "configs", [isaac_lab_actuators, mjlab_actuators, lambda given: engine_input(given, "mjx")]
+)
 @pytest.mark.parametrize("given", [None, Path("extended"), one_joint("").compile()])
-def test_only_a_spec_is_taken(configs: Any, given: Any) -> None:
-    with pytest.raises(StudyError, match=r"spec must be a mujoco\.MjSpec, such as .*, not of the"):
+def test_only_an_extended_model_or_a_spec_is_taken(configs: Any, given: Any) -> None:
+    with pytest.raises(StudyError, match=r"must be an extended one, such as .*, not of the type"):
         configs(given)
+
+
+WITHOUT_NAMES = """<mujoco>
+  <worldbody><body><joint name="knee"/><geom size="0.1"/></body></worldbody>
+  <actuator><motor joint="knee"/><position joint="knee" kp="5" gear="2"/></actuator></mujoco>"""
+
+
+def test_an_actuator_without_a_name_has_its_number_in_sentences() -> None:
+    lacking = mjlab_actuators(mujoco.MjSpec.from_string(WITHOUT_NAMES)).lacking
+    assert lacking == (
+        "the actuator number 0 is no position servo",
+        "commands of the actuator number 1 are 2 times those of its element",
+    )
+
+
+@pytest.mark.parametrize(
+    "export",
+    [isaac_lab_actuators, mjlab_actuators, lambda model: engine_input(model, "warp")],
+)
+def test_effects_beside_an_extended_model_are_lacking(export: Callable[[object], Any]) -> None:
+    cause = find_cause("backlash")
+    effect = Effect(cause, Location("joint", ("knee",)), {"gap": 0.01})
+    spec = mujoco.MjSpec.from_string(JOINTS)
+    alone, beside = export(spec).lacking, export(Extended(spec, (effect,))).lacking
+    assert beside == ("backlash at knee is not in the model, but beside it", *alone)
