@@ -197,7 +197,7 @@ def test_a_copy_continues_a_grasp_with_the_same_bits(copied: Callable[[Any], Any
 
 
 @pytest.mark.usefixtures("kind")
-def test_options_place_the_cans() -> None:
+def test_options_set_where_the_cans_stand() -> None:
     pair = Pair()
     pair.reset(seed=0, options={"can": [0.4, -0.15]})
     np.testing.assert_allclose(pair.info["can_pose"][:, :2, 3], [[0.4, -0.15]] * 2)
