@@ -34,17 +34,21 @@ def tension_sensor(muscle: str) -> str:
 
 
 def study_model(
-    scene: Path, gains: Gains | None = None, folders: Sequence[Path | str] = ()
+    scene: Path,
+    gains: Gains | None = None,
+    folders: Sequence[Path | str] = (),
+    fingers: bool = False,
 ) -> mujoco.MjSpec:
     """Model that `Robot` simulates without departures, with sensors and without textures.
 
     Actuators and tendons have the names of the muscles. The motor of the fingers, which has no
-    command in a study, is replaced by a spring that keeps them open.
+    command in a study, is replaced by a spring that keeps them open, unless it is asked for.
 
     Args:
         scene: MJCF file of the robot and its surroundings.
         gains: of the muscle stiffness control; those of `gains_of` if left out.
         folders: further folders whose files the model may include or load.
+        fingers: whether the fingers have their motor, as ``Kengoro/CanGrasp-v0`` needs it.
 
     Returns:
         The compiled spec.
@@ -64,7 +68,9 @@ def study_model(
         ):
             sensor = _add_sensor(spec, name, kind, MARKER)
             sensor.reftype, sensor.refname = mujoco.mjtObj.mjOBJ_CAMERA, EYE
-    _keep_fingers_open(spec)
+    add_fingers(spec)
+    if not fingers:
+        _keep_fingers_open(spec)
     _remove_pictures(spec)
     spec.compile()
     return spec
@@ -92,7 +98,6 @@ def _add_sensor(
 
 
 def _keep_fingers_open(spec: mujoco.MjSpec) -> None:
-    add_fingers(spec)
     motor = spec.actuator(FINGERS)
     if motor is None:
         return

@@ -36,7 +36,6 @@ from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.options import checked_options, finite
 from kengoro_env.tasks.posture import posture_task
-from kengoro_env.tasks.reach import Reach
 from kengoro_env.tasks.task import Task, entries_of
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
@@ -112,7 +111,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         dtype: of the numbers in observations, `numpy.float64` or `numpy.float32`; ``info`` is
             float64.
         model: model of the robot in place of the nominal one, with its own gains, such as a sample
-            of `reality_gap.Diagnosis`; it has no frames (Posture and Elbow).
+            of `reality_gap.Diagnosis`; it has no frames.
 
     Attributes:
         robot: the simulated robot.
@@ -452,11 +451,9 @@ def own_model(
         raise ArgumentError("give a model, or robot_seed or departures, not both")
     if gains != DEFAULT_GAINS:
         raise ArgumentError("a model has its own gains: leave gains out")
-    if not isinstance(task, Reach):
-        raise ArgumentError("only the tasks posture and elbow take a model")
     if camera:
-        raise ArgumentError("a model has no frames: leave camera out or False")
-    return (OwnModel(model, asset_path(task.scene), name),)
+        raise ArgumentError("a model has no frames: give camera=False")
+    return (OwnModel(model, asset_path(task.scene), name, task.elements),)
 
 
 def _fix_types(info: dict[str, Any]) -> None:

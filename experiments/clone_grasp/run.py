@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.cloning.cloning import Training, clone, clone_examples
+from experiments.cloning.cloning import Demonstration, Training, clone, clone_examples
 from experiments.cloning.features import STRIDE
 from experiments.cloning.policy import ClonedPolicy, lifts
 from experiments.harness.common import (
@@ -159,8 +159,8 @@ def clone_named(
     """
     known = files_digest([], f"{source} {asdict(sizes)}")
     path = out / "policies" / f"{name}-{known[:8]}.npz"
-    pairs = ((robot.robot, episode) for robot in found for episode in robot.episodes)
-    arrays = clone_examples(pairs, HISTORY[name])
+    shown = (Demonstration(robot.robot, episode) for robot in found for episode in robot.episodes)
+    arrays = clone_examples(shown, HISTORY[name])
     with Console().status(f"Cloning: {NAMES[name]} ..."):
         return clone(path, arrays, Training(sizes.epochs))
 
@@ -200,7 +200,7 @@ def run_cloned(path: Path, name: str, robot: int | None, rows: int, sizes: Sizes
     policy = ClonedPolicy(path, HISTORY[name])
     count = sizes.episodes if robot is not None else ON_DRAWING * sizes.episodes
     seeds = [episode_seed(robot, number) for number in range(count)]
-    return lifts(policy, robot, seeds, rows)
+    return lifts(policy, robot, seeds, rows).lifted
 
 
 def conclude(

@@ -15,6 +15,7 @@ import numpy as np
 from experiments.cloning.features import examples
 from experiments.harness.common import ROOT
 from experiments.harness.errors import ExperimentError
+from jmm_agent.types import Floats
 from kengoro.demonstrations.episode import Episode
 from mjcf_sandbox.files import write_bytes
 
@@ -31,17 +32,34 @@ class Training(NamedTuple):
     seed: int = 0
 
 
-def clone_examples(found: Iterable[tuple[int, Episode]], history: bool) -> dict[str, Any]:
+class Demonstration(NamedTuple):
+    """An episode to clone from.
+
+    Attributes:
+        group: number of the group that it is held out with.
+        episode: what was done.
+        can: horizontal position of the can that the policy is given, shape (2,) [m]; None: the true
+            one.
+    """
+
+    group: int
+    episode: Episode
+    can: Floats | None = None
+
+
+def clone_examples(found: Iterable[Demonstration], history: bool) -> dict[str, Any]:
     """Inputs, commands and groups of all rows of the episodes in which the can was lifted.
 
     Args:
-        found: episodes, each with the number of the group that it is held out with.
+        found: the episodes.
         history: whether inputs hold the readings of the start.
 
     Raises:
         ExperimentError: the can was lifted in none.
     """
-    parts = [(*examples(episode, history), group) for group, episode in found if episode.lifted]
+    parts = [
+        (*examples(episode, history, can), group) for group, episode, can in found if episode.lifted
+    ]
     if not parts:
         raise ExperimentError("The can was lifted in no demonstration, so that nothing is cloned.")
     return {

@@ -59,14 +59,19 @@ def origin(lengths: Floats, history: bool) -> Floats:
     return np.append(action, 0.0).astype(float)
 
 
-def examples(episode: Episode, history: bool) -> tuple[Floats, Floats]:
+def examples(episode: Episode, history: bool, can: Floats | None = None) -> tuple[Floats, Floats]:
     """Inputs (K, D) and commands at the end of each row (K, m + 1) of a demonstration.
 
     Commands count from `origin`.
+
+    Args:
+        episode: the demonstration.
+        history: whether inputs hold the readings of the start.
+        can: horizontal position of the can, shape (2,) [m]; None: the true one.
     """
     first = np.arange(0, len(episode), STRIDE)
     readings = list(np.hstack([episode.lengths, episode.tensions])[first])
-    can = episode.can_pose[0, :2, 3]
+    can = episode.can_pose[0, :2, 3] if can is None else can
     rows = [features(readings[: row + 1], can, history) for row in range(len(first))]
     after = np.append(first[1:], len(episode))
     return np.array(rows), episode.actions[after - 1] - origin(episode.lengths[0], history)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.cloning.can_camera import CanSource
 from experiments.cloning.rows import RowArm
 from jmm_agent.types import Floats
 
@@ -53,7 +55,27 @@ class ClonedPolicy:
         return np.clip(command, -1.0, 1.0).astype(np.float32)
 
 
-def lifts(policy: ClonedPolicy, robot: int | None, seeds: Iterable[int], rows: int) -> list[bool]:
+class Lifts(NamedTuple):
+    """What a policy reached in some episodes; each list has an entry for each of them.
+
+    Attributes:
+        lifted: whether it lifted the can.
+        seen: whether the can was seen; where it was not, its position is `MIDDLE`.
+        errors: distance of the position that the policy was given from the true one [m].
+    """
+
+    lifted: list[bool]
+    seen: list[bool]
+    errors: list[float]
+
+
+def lifts(
+    policy: ClonedPolicy,
+    robot: int | None,
+    seeds: Iterable[int],
+    rows: int,
+    can: CanSource = "state",
+) -> Lifts:
     """Whether a policy lifts the can, in some episodes.
 
     Args:
@@ -61,9 +83,10 @@ def lifts(policy: ClonedPolicy, robot: int | None, seeds: Iterable[int], rows: i
         robot: seed of the actual robot; None: the drawing.
         seeds: of the episodes, from which the can's positions follow.
         rows: longest duration of an episode, in periods of the camera.
+        can: where the can's position comes from.
     """
-    arm = RowArm(robot)
-    found = []
+    arm = RowArm(robot, can)
+    found = Lifts([], [], [])
     for seed in seeds:
         arm.reset(seed)
         start = arm.origin(policy.history)
@@ -71,6 +94,8 @@ def lifts(policy: ClonedPolicy, robot: int | None, seeds: Iterable[int], rows: i
             _, ended, info = arm.step(policy(arm.inputs(policy.history), start))
             if info["success"] or ended:
                 break
-        found.append(bool(info["success"]))
+        found.lifted.append(bool(info["success"]))
+        found.seen.append(arm.can_seen)
+        found.errors.append(arm.can_error)
     arm.close()
     return found

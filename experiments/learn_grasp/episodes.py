@@ -54,5 +54,6 @@ Learned = tuple[dict[int, dict[str, Any]], float]
 
 Entries of a result: ``at``, the number of demonstrations or rows after which the policy was judged;
 ``lifted``, whether the can was lifted in each episode on the drawing, for each of them; ``robots``,
-the same at the end by robot.
+the same at the end by robot. Policies by camera have ``cans``, too: ``seen`` and ``errors`` of
+`Lifts` by robot, and on the drawing.
 """

@@ -5,6 +5,8 @@ lengths and tensions, the time and the can's position, scaled by fixed middles a
 is a change of the command of the row before. The reward is that of the environment, the mean over
 the control steps of a row; it is not shaped, for its first third falls with the distance to the can
 everywhere.
+
+A policy is trained on the drawing, or on models within 20 % of it, another one in each episode.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from math import ceil
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
@@ -25,10 +27,18 @@ from experiments.cloning.rows import RowArm
 from experiments.harness.runner import core_seconds, run_tasks
 from experiments.learn_grasp.episodes import LEARNED, ROWS, Learned, Run, judged
 from experiments.learn_posture.policies import libraries
+from experiments.robots.guessed_models import guessed_models
 from jmm_agent.types import Floats
-from kengoro_env.tasks.can_grasp import CAN_AREA
+from kengoro.study_model import study_model
+from kengoro_env.assets import asset_path
+from kengoro_env.robot.own_model import Model
+from kengoro_env.tasks.can_grasp import CAN_AREA, CanGrasp
 from kengoro_env.wrappers import TENSION
 
+Models = Literal["drawing", "guessed"]
+"""What a policy is trained on: the drawing, or guessed randomisation of it."""
+GUESSES = 64
+"""Number of guessed models, each in an environment of its own."""
 Act = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 LENGTH = 0.05
 """Unit of lengths [m]."""
@@ -58,13 +68,19 @@ class Sizes:
     rows: int = 100_000
     checks: int = 10
     episodes: int = 10
-    episodes_robot: int = 1
+    episodes_robot: int = 5
 
 
 QUICK = Sizes(1024, 1, 1, 1)
 
 
-def learn(run: Run, seeds: Sequence[int], robots: Sequence[int], sizes: Sizes) -> Learned:
+def learn(
+    run: Run,
+    seeds: Sequence[int],
+    robots: Sequence[int],
+    sizes: Sizes,
+    models: Models = "drawing",
+) -> Learned:
     """Train and judge a policy for each seed.
 
     Args:
@@ -72,19 +88,25 @@ def learn(run: Run, seeds: Sequence[int], robots: Sequence[int], sizes: Sizes) -
         seeds: of the training.
         robots: further robots on which the last policy is judged.
         sizes: amount of work.
+        models: what is trained on.
     """
-    tasks = {f"{seed:03d}": (seed, list(robots), sizes) for seed in seeds}
-    folder = run.out / "reward"
+    tasks = {f"{seed:03d}": (seed, list(robots), sizes, models) for seed in seeds}
+    folder = run.out / f"reward-{models}"
     found = run_tasks(train, tasks, run.jobs, folder, f"{run.key} {list(robots)}")
     results = {seed: found[f"{seed:03d}"] for seed in seeds}
     return results, core_seconds(folder, tasks)
 
 
-def train(seed: int, robots: Sequence[int], sizes: Sizes) -> dict[str, Any]:
-    """Train one policy; entries as `Learned` tells, and those of `judge` in the episodes."""
+def train(
+    seed: int, robots: Sequence[int], sizes: Sizes, models: Models = "drawing"
+) -> dict[str, Any]:
+    """Train one policy; entries as `Learned` tells, and those of `judge` in the episodes.
+
+    ``robots_distance`` has the smallest distances in the episodes on each robot.
+    """
     algorithms, torch, _ = libraries()
     torch.set_num_threads(1)
-    env = RowEnv(None)
+    env = RowEnv(None, trained_on(models, seed))
     model = algorithms["ppo"]("MlpPolicy", env, seed=seed, device="cpu", **deepcopy(SETTINGS))
 
     def act(observation: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -99,11 +121,20 @@ def train(seed: int, robots: Sequence[int], sizes: Sizes) -> dict[str, Any]:
         found["at"].append(model.num_timesteps)
         for name, values in judge(act, None, sizes.episodes).items():
             found.setdefault(name, []).append(values)
-    found["robots"] = {
-        f"{robot:03d}": judge(act, robot, sizes.episodes_robot)["lifted"] for robot in robots
-    }
+    found |= {"robots": {}, "robots_distance": {}}
+    for robot in robots:
+        own, name = judge(act, robot, sizes.episodes_robot), f"{robot:03d}"
+        found["robots"][name], found["robots_distance"][name] = own["lifted"], own["distance"]
     env.close()
     return found
+
+
+def trained_on(models: Models, seed: int) -> list[Model] | None:
+    """Guessed models of a seed of the training; None: the drawing."""
+    if models == "drawing":
+        return None
+    nominal = study_model(asset_path(CanGrasp.scene), fingers=True)
+    return list(guessed_models(nominal, GUESSES, seed))
 
 
 def judge(act: Act, robot: int | None, episodes: int) -> dict[str, list[Any]]:
@@ -157,10 +188,12 @@ class RowEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Args:
         robot: seed of the actual robot; None: the drawing.
+        models: in place of the drawing, one of them in each episode to learn from; None: none.
     """
 
-    def __init__(self, robot: int | None) -> None:
-        self._arm = RowArm(robot)
+    def __init__(self, robot: int | None, models: Sequence[Model] | None = None) -> None:
+        self._arms = [RowArm(robot, model=model) for model in models or [None]]
+        self._arm = self._arms[0]
         self._arm.reset(0)
         size = len(self._arm.inputs(history=False))
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
@@ -171,7 +204,9 @@ class RowEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode to learn from, sampled by the generator of ``seed``."""
         super().reset(seed=seed)
-        return self.begin(int(self.np_random.integers(LEARNED, 2**31)))
+        episode = int(self.np_random.integers(LEARNED, 2**31))
+        self._arm = self._arms[self.np_random.integers(len(self._arms))]
+        return self.begin(episode)
 
     def begin(self, seed: int) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin the episode of a seed, see `RowArm.reset`."""
@@ -191,8 +226,9 @@ class RowEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return scaled(self._arm.inputs(history=False))
 
     def close(self) -> None:
-        """Close the arm's environment."""
-        self._arm.close()
+        """Close the environments of the arms."""
+        for arm in self._arms:
+            arm.close()
 
 
 def commanded(before: Floats, action: NDArray[Any]) -> Floats:

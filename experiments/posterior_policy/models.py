@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
-import numpy as np
 
 from experiments.harness.errors import ExperimentError
+from experiments.robots.guessed_models import guessed_models
 from kengoro.study_model import study_model
 from kengoro_env.assets import asset_path
 from kengoro_env.env import TASKS, own_model
@@ -33,8 +33,6 @@ NAMES = {
     POSTERIOR: "(d) posterior",
     TRUE: "(e) the robot itself",
 }
-GUESS = 0.2
-"""Largest relative deviation of a guessed number."""
 MOST = 4
 """Samples are drawn until there are enough that fit, at most this multiple of them."""
 
@@ -54,37 +52,9 @@ class Models(NamedTuple):
 
 
 def guessed(count: int, seed: int) -> Models:
-    """Models with masses, gains, least tensions, damping and armature within `GUESS`."""
+    """Guesses of `guessed_models`."""
     nominal = study_model(asset_path("mjcf/kengoro_arm/posture.xml"))
-    streams = np.random.default_rng(seed).spawn(count)
-    return Models([_randomised(nominal.copy(), random) for random in streams], [], [])
-
-
-def _randomised(spec: mujoco.MjSpec, random: np.random.Generator) -> mujoco.MjSpec:
-    """Change each number of a nominal model by a factor of its own."""
-
-    def factor() -> float:
-        return float(random.uniform(1.0 - GUESS, 1.0 + GUESS))
-
-    for body in spec.bodies:
-        heavier = factor()
-        for geom in body.geoms:
-            geom.mass *= heavier  # without a mass, nan stays
-        if body.explicitinertial:
-            body.mass, body.inertia = body.mass * heavier, body.inertia * heavier
-    for joint in spec.joints:
-        joint.damping = joint.damping * factor()
-        joint.armature *= factor()
-    for tendon in spec.tendons:
-        tendon.damping = tendon.damping * factor()
-        motor = spec.actuator(tendon.name)
-        if motor is None:  # the coupling of the fingers
-            continue
-        stiffer, least = factor(), factor()
-        motor.gainprm[0] *= stiffer
-        motor.biasprm[:2] *= (least, stiffer)
-        motor.forcerange = motor.forcerange * (1.0, least)
-    return spec
+    return Models(guessed_models(nominal, count, seed), [], [])
 
 
 def extended(folder: Path, count: int) -> Models:

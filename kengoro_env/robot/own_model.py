@@ -1,6 +1,7 @@
 """Model of a user for the robot, such as an extended model or a sample of a diagnosis.
 
-It has the joints and muscles of the scene, and an actuator on the tendon of each muscle. With the
+It has the joints and muscles of the scene, an actuator on the tendon of each muscle, and what the
+task names beside them, such as a can. With the
 tendon's length L, the command c and the gains of the actuator it pulls by
 
     T = -(gain c + bias_0 + bias_1 L), within its range of forces,
@@ -14,6 +15,7 @@ which the model was identified.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -78,13 +80,20 @@ class OwnModel:
         model: the model.
         scene: MJCF file of the scene that it replaces.
         name: of the model in messages.
+        elements: what the model must have beside joints and muscles, each a kind and a name.
 
     Raises:
         ArgumentError: this is no model, or it does not fit the scene.
         ModelError: it does not compile, or its file cannot be read.
     """
 
-    def __init__(self, model: Model, scene: Path, name: str = "model") -> None:
+    def __init__(
+        self,
+        model: Model,
+        scene: Path,
+        name: str = "model",
+        elements: Sequence[tuple[str, str]] = (),
+    ) -> None:
         self._spec, self._nominal = _spec_of(model, name), _nominal(scene)
         try:
             self._model = self._spec.compile()
@@ -92,11 +101,21 @@ class OwnModel:
             reason = " ".join(str(error).split())
             raise ModelError(f"{name} does not compile: {reason}") from error
         self._check(name)
+        self._check_elements(name, elements)
+
+    def _check_elements(self, name: str, elements: Sequence[tuple[str, str]]) -> None:
+        """Refuse a model without an element, or with another kind of joint than the scene's."""
+        model = self._model
+        for kind, element in elements:
+            if element not in _names(model, kind):
+                raise ArgumentError(f"{name} has no {kind} {element!r}, which the task needs")
+            if kind == "joint" and model.joint(element).type[0] != mujoco.mjtJoint.mjJNT_FREE:
+                raise ArgumentError(f"the joint {element!r} of {name} must be free")
 
     def _check(self, name: str) -> None:
         model, nominal = self._model, self._nominal
         for kind, elements in (("tendon", nominal.muscles), ("actuator", nominal.muscles)):
-            known = {getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))}
+            known = _names(model, kind)
             missing = [each for each in elements if each not in known]
             if missing:
                 raise ArgumentError(
@@ -170,6 +189,12 @@ class OwnModel:
         offset = (rest - least) / stiffness + _zero(model, nominal.muscles) - nominal.zero
         draft.sensor_errors.length_offset = dict(zip(nominal.muscles, offset.tolist(), strict=True))
         draft.spec = self._spec.copy()
+
+
+def _names(model: mujoco.MjModel, kind: str) -> set[str]:
+    """Names of a model's elements of a kind."""
+    short = {"joint": "jnt", "camera": "cam"}.get(kind, kind)
+    return {getattr(model, kind)(i).name for i in range(getattr(model, f"n{short}"))}
 
 
 def _spec_of(model: object, name: str) -> mujoco.MjSpec:

@@ -9,7 +9,7 @@ that holding on is rewarded; the fall of the can off the table does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import exp, radians
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 from kengoro_env.departures.camera import EYE
 from kengoro_env.errors import ArgumentError
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.fingers import FINGERS
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.tracked_object import ObjectState, TrackedObject
 from kengoro_env.tasks.lift_monitor import LIFT_HEIGHT, LiftMonitor
@@ -59,6 +60,11 @@ class CanGrasp:
     options: Mapping[str, int | None] = {"can": 2}
     shows_target = False
     object_name: str | None = CAN
+    elements: Sequence[tuple[str, str]] = (
+        ("actuator", FINGERS), ("body", CAN), ("joint", CAN), ("geom", CAN), ("body", "table"),
+        ("geom", "table_top"), ("body", "hand"), ("body", "fingers_proximal"), ("camera", EYE),
+        ("site", "grip"), ("site", "marker_hand"), ("site", "marker_can"),
+    )  # fmt: skip
     goal: Floats | None = None
 
     def start(

@@ -11,7 +11,7 @@ error below `TOLERANCE`. The constants are in `kengoro_env.stepping.reach_reward
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -45,6 +45,7 @@ class Reach:
     options: Mapping[str, int | None] = {"target": None}
     shows_target = True
     object_name: str | None = None
+    elements: Sequence[tuple[str, str]] = ()
 
     def __init__(
         self,

@@ -28,6 +28,7 @@ class Task(Protocol):
         shows_target: whether the goal is observed as ``target``.
         goal: joint angles to reach now (n,) [rad], an array that is never written to; None: none.
         object_name: name of the body that the hand is to lift; None: no object.
+        elements: what a user's model needs beside joints and muscles, each a kind and a name.
     """
 
     scene: str
@@ -37,6 +38,7 @@ class Task(Protocol):
     shows_target: bool
     goal: Floats | None
     object_name: str | None
+    elements: Sequence[tuple[str, str]]
 
     def start(
         self,

@@ -13,9 +13,13 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from kengoro.study_model import study_model
+from kengoro_env.assets import asset_path
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import ArgumentError, InvalidActionError
+from kengoro_env.stepping import choice
 from kengoro_env.stepping.numpy_steps import NumpySteps
+from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.vector import KengoroVectorEnv
 from kengoro_env.wrappers import ScaledVectorObservation
 from tests.kengoro_env.environments import same
@@ -208,6 +212,34 @@ def test_options_set_where_the_cans_stand() -> None:
     np.testing.assert_allclose(pair.info["joint_angles"], [posture] * 2)
     with pytest.raises(ArgumentError, match=r"the can cannot stand at \(1, 1\) m"):
         pair.many.reset(options={"can": (1.0, 1.0)})
+
+
+@pytest.mark.skipif(choice.library() is None, reason="there is no compiled code here")
+def test_each_environment_grasps_with_its_own_model() -> None:
+    """Geoms of one, and with them their numbers, may be others than those of another."""
+    nominal = study_model(asset_path(CanGrasp.scene), fingers=True)
+    other = nominal.copy()
+    other.body("thorax").add_geom(size=[0.01] * 3, contype=0, conaffinity=0)
+    other.geom("can").friction[0] *= 0.5
+    singles = [KengoroEnv("can_grasp", model=model) for model in (nominal, other)]
+    many: Any = gym.make_vec(GRASP, COUNT, models=[nominal, other])
+    infos = many.reset(seed=[3, 3])[1]
+    for env in singles:
+        env.reset(seed=3)
+    datas = [*(env.robot.data for env in singles), *(many.fleet.parts(i)[1] for i in range(COUNT))]
+    rest = singles[0].lengths_to_action(singles[0].robot.lengths, fingers=1.0)
+    for _ in range(6):
+        for data in datas:
+            data.joint("can").qpos[:3] = infos["hand_pose"][0, :3, 3]
+        observed, rewards, _, _, infos = many.step(np.stack([rest, rest]))
+        for i, env in enumerate(singles):
+            one, reward, _, _, info = env.step(rest)
+            assert reward == rewards[i]
+            assert same({name: values[i] for name, values in observed.items()}, one)
+            assert np.array_equal(info["can_pose"], infos["can_pose"][i])
+            assert bool(info["grasped"]) is bool(infos["grasped"][i])
+    assert infos["grasped"].all()
+    assert not np.array_equal(*infos["can_pose"])
 
 
 def test_it_has_no_frames_and_an_entry_for_the_fingers() -> None:

@@ -23,6 +23,7 @@ from kengoro_env.vector import KengoroVectorEnv
 
 ID = "Kengoro/Elbow-v0"
 SCENE = "mjcf/kengoro_arm/elbow.xml"
+CAN_SCENE = "mjcf/kengoro_arm/can_grasp.xml"
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +77,59 @@ def test_the_nominal_model_as_a_model_moves_as_without_it(nominal: mujoco.MjSpec
 
     for one, two in zip(*angles, strict=True):
         np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-6)
+
+
+def test_the_nominal_model_of_the_can_as_a_model_grasps_as_without_it() -> None:
+    """The fingers close, and the can is known."""
+    nominal = study_model(asset_path(CAN_SCENE), fingers=True)
+    found = []
+    for env in (KengoroEnv("can_grasp"), KengoroEnv("can_grasp", model=nominal)):
+        observed, _ = env.reset(seed=3)
+        opened = env.robot.data.joint("finger_proximal").qpos[0]
+        action = env.lengths_to_action(observed["lengths"] - 0.001, fingers=1.0)
+        for _ in range(20):
+            observed, reward, _, _, info = env.step(action)
+        closed = env.robot.data.joint("finger_proximal").qpos[0]
+        assert closed - opened > 0.5
+        found.append((observed["lengths"], observed["tensions"], info["can_pose"], reward, closed))
+    for one, two in zip(*found, strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-6)
+
+
+def without(kind: str, name: str) -> Callable[[mujoco.MjSpec], mujoco.MjSpec]:
+    def change(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+        spec.delete(getattr(spec, kind)(name))
+        return spec
+
+    return change
+
+
+def with_fixed_can(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    spec.joint("can").type = mujoco.mjtJoint.mjJNT_BALL
+    return spec
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (without("actuator", "fingers"), "model has no actuator 'fingers', which the task needs"),
+        (without("body", "can"), "model has no body 'can', which the task needs"),
+        (without("site", "marker_can"), "model has no site 'marker_can', which the task needs"),
+        (with_fixed_can, "the joint 'can' of model must be free"),
+    ],
+)
+def test_a_model_without_what_grasping_needs_is_refused(change: Any, sentence: str) -> None:
+    spec = change(study_model(asset_path(CAN_SCENE), fingers=True))
+    with pytest.raises(ArgumentError, match=sentence):
+        KengoroEnv("can_grasp", model=spec)
+
+
+def test_a_model_of_the_can_has_no_frames() -> None:
+    spec = study_model(asset_path(CAN_SCENE), fingers=True)
+    with pytest.raises(ArgumentError, match="has no frames: give camera=False"):
+        gym.make("Kengoro/CanGrasp-v0", model=spec, camera=True)
+    env = gym.make("Kengoro/CanGrasp-v0", model=spec)
+    assert "frame" not in env.observation_space.spaces  # type: ignore[attr-defined]
 
 
 def test_a_model_moves_as_mujoco_moves_it(nominal: mujoco.MjSpec) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.cloning.cloning import Training, clone, clone_examples
+from experiments.cloning.can_camera import MIDDLE, CanCamera
+from experiments.cloning.cloning import Demonstration, Training, clone, clone_examples
 from experiments.cloning.features import EXACT, examples, features, origin
 from experiments.cloning.policy import ClonedPolicy, lifts
+from experiments.cloning.rows import RowArm
 from experiments.harness.errors import ExperimentError
 from kengoro.demonstrations.episode import Episode
 from kengoro_env.env import KengoroEnv
@@ -68,14 +70,26 @@ def test_a_robot_whose_lengths_have_another_zero_is_the_same_to_a_policy_with_a_
 
 def test_grasps_that_failed_are_not_cloned() -> None:
     lifted, failed = made_episode(0), made_episode(1)
-    found = clone_examples([(3, lifted), (3, failed), (4, failed)], history=False)
+    shown = [Demonstration(3, lifted), Demonstration(3, failed), Demonstration(4, failed)]
+    found = clone_examples(shown, history=False)
     np.testing.assert_array_equal(found["commands"], examples(lifted, history=False)[1])
     np.testing.assert_array_equal(found["groups"], [3, 3, 3])
     with pytest.raises(ExperimentError, match="lifted in no demonstration"):
-        clone_examples([(4, failed)], history=False)
+        clone_examples([Demonstration(4, failed)], history=False)
 
 
-def linear_episodes() -> list[tuple[int, Episode]]:
+def test_a_measured_position_of_the_can_replaces_the_true_one_and_nothing_else() -> None:
+    episode, measured = made_episode(0), np.array([0.41, -0.12])
+    true, commands = examples(episode, history=True)
+    found = clone_examples([Demonstration(0, episode, measured)], history=True)
+    np.testing.assert_array_equal(found["commands"], commands)
+    at = slice(2 * READ + 1, 2 * READ + 3)
+    np.testing.assert_array_equal(found["inputs"][:, at], np.tile(measured, (3, 1)))
+    true[:, at] = measured
+    np.testing.assert_array_equal(found["inputs"], true)
+
+
+def linear_episodes() -> list[Demonstration]:
     """Episodes of five robots, whose commands are linear in the can's position and the time."""
     rng = np.random.default_rng(0)
     slope = rng.normal(size=(37, 2)) * 0.3
@@ -94,7 +108,7 @@ def linear_episodes() -> list[tuple[int, Episode]]:
             tensions=rng.normal(size=(steps + 1, 36)), actions=actions, rewards=np.zeros(steps),
             can_pose=np.tile(pose, (steps + 1, 1, 1)), success=lifted, grasped=lifted,
         )  # fmt: skip
-        found.append((robot, own))
+        found.append(Demonstration(robot, own))
     return found
 
 
@@ -120,7 +134,7 @@ def test_a_policy_repeats_what_it_was_cloned_from_with_the_same_bits(tmp_path: P
     assert losses.shape == (100, 2)
     assert losses[-1, 1] < 0.3 * losses[0, 1]
     policy = ClonedPolicy(path, history=False)
-    episode = found[0][1]
+    episode = found[0].episode
     wanted = episode.actions[9::10]
     commands = commands_of(policy, episode)
     error = commands[:, :-1] - wanted[:, :-1]
@@ -154,5 +168,48 @@ def test_a_policy_that_holds_still_lifts_no_can() -> None:
             return origin.astype(np.float32)
 
     policy = Still()
-    assert lifts(policy, 3, [1, 2], 2) == [False, False]
+    found = lifts(policy, 3, [1, 2], 2)
+    assert found == ([False, False], [True, True], [0.0, 0.0])
     assert policy.calls == 4
+
+
+def given_can(arm: RowArm) -> np.ndarray:
+    """What a policy is given as the can's position."""
+    return arm.inputs(history=False)[READ + 1 : READ + 3]
+
+
+def test_the_camera_measures_the_can_on_the_drawing() -> None:
+    arm = RowArm(None, "camera")
+    for seed in range(3):
+        true = arm.reset(seed)["can_pose"][:2, 3]
+        assert arm.can_seen
+        assert 0.0 < arm.can_error < 0.005
+        assert arm.can_error == np.linalg.norm(given_can(arm) - true)
+        np.testing.assert_array_equal(given_can(arm), arm.can)
+    arm.close()
+
+
+def test_a_can_that_is_not_seen_is_in_the_middle(monkeypatch: pytest.MonkeyPatch) -> None:
+    dark = np.zeros((480, 640, 3), np.uint8)
+    camera = CanCamera(None)
+    assert camera.position(dark) is None
+    camera.close()
+    monkeypatch.setattr(CanCamera, "measured", lambda self, _: self.position(dark))
+    arm = RowArm(None, "camera")
+    true = arm.reset(1)["can_pose"][:2, 3]
+    arm.close()
+    assert not arm.can_seen
+    np.testing.assert_array_equal(given_can(arm), MIDDLE)
+    np.testing.assert_allclose(MIDDLE, [0.40, -0.15])
+    assert arm.can_error == np.linalg.norm(MIDDLE - true)
+
+
+def test_the_state_renders_nothing_and_the_camera_moves_the_arm_alike() -> None:
+    arms = [RowArm(None), RowArm(None, "camera")]
+    for arm in arms:
+        arm.reset(2)
+        arm.step(arm.command)
+    one, other = (np.delete(arm.inputs(True), [2 * READ + 1, 2 * READ + 2]) for arm in arms)
+    np.testing.assert_array_equal(one, other)
+    for arm in arms:
+        arm.close()

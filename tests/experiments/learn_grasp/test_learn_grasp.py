@@ -16,9 +16,13 @@ from experiments.cloning.rows import RowArm
 from experiments.learn_grasp import demonstrations, reward
 from experiments.learn_grasp.demonstrations import Sizes, learn, train
 from experiments.learn_grasp.episodes import LEARNED, ROWS, Run, demonstrated, judged
-from experiments.learn_grasp.reward import CHANGE, RowEnv, commanded
+from experiments.learn_grasp.reward import CHANGE, RowEnv, commanded, trained_on
 from experiments.learn_grasp.run import Args, conclude
+from kengoro.study_model import study_model
+from kengoro_env.assets import asset_path
+from kengoro_env.tasks.can_grasp import CanGrasp
 from mjcf_sandbox.files import write_bytes
+from tests.kengoro.demonstrations.small_dataset import made_episode
 
 SIZES = Sizes((2, 5), 100, 3, 1)
 
@@ -52,6 +56,7 @@ class Steps:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.calls: list[Any] = []
+        self.cans: set[str] = set()
         self.broken: Any = None
         for name in ("demonstrate", "train", "judge"):
             monkeypatch.setattr(demonstrations, name, getattr(self, name))
@@ -61,7 +66,10 @@ class Steps:
             raise RuntimeError("stopped")
         self.calls.append(call)
 
-    def demonstrate(self, path: Path, seed: int, first: int, end: int, cache: Path | None) -> int:
+    def demonstrate(
+        self, path: Path, seed: int, first: int, end: int, cache: Path | None, can: str
+    ) -> int:
+        self.cans.add(can)
         self._count("demonstrate", seed, first, end)
         write_bytes(path, b"examples")
         return end - first
@@ -70,9 +78,14 @@ class Steps:
         self._count("train", seed, len(examples), epochs)
         write_bytes(path, b"policy")
 
-    def judge(self, path: Path, robot: int | None, episodes: int) -> list[bool]:
+    def judge(self, path: Path, robot: int | None, episodes: int, can: str) -> dict[str, list[Any]]:
+        self.cans.add(can)
         self._count("judge", path.stem, robot, episodes)
-        return [path.stem.endswith("005")] * episodes
+        return {
+            "lifted": [path.stem.endswith("005")] * episodes,
+            "seen": [robot != 21] * episodes,
+            "errors": [0.001] * episodes,
+        }
 
 
 def test_policies_are_cloned_from_more_and_more_demonstrations(
@@ -88,6 +101,48 @@ def test_policies_are_cloned_from_more_and_more_demonstrations(
     robots = {"020": [True], "021": [True]}
     assert found == {3: {"at": [2, 5], "lifted": [[False] * 3, [True] * 3], "robots": robots}}
     assert work_s >= 0.0
+    assert steps.cans == {"state"}
+
+
+def test_policies_by_camera_are_cloned_and_judged_by_camera_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps, run = Steps(monkeypatch), Run(tmp_path, "key", 1, None)
+    learn(run, [3], [20, 21], SIZES)
+    before, steps.calls, steps.cans = steps.calls, [], set()
+    found, _ = learn(run, [3], [20, 21], SIZES, "camera")
+    assert steps.calls == before  # nothing of the policies by state is used again
+    assert steps.cans == {"camera"}
+    assert found[3]["cans"] == {
+        "drawing": {"seen": [True] * 3, "errors": [0.001] * 3},
+        "020": {"seen": [True], "errors": [0.001]},
+        "021": {"seen": [False], "errors": [0.001]},
+    }
+
+
+def test_demonstrations_by_camera_hold_what_it_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Agent:
+        def close(self) -> None:
+            """Nothing is open."""
+
+    monkeypatch.setattr(demonstrations, "learned_agent", lambda *_, **__: Agent())
+    monkeypatch.setattr(demonstrations, "grasps", lambda *_: [made_episode(0)])
+    stored = {}
+    for can in ("state", "camera"):
+        path = tmp_path / f"{can}.npz"
+        assert demonstrations.demonstrate(path, 0, 0, 1, None, can) == 1
+        with np.load(path) as arrays:
+            stored[can] = arrays["inputs"]
+    at = slice(145, 147)  # after lengths and tensions of now and of the start, and the time
+    arm = RowArm(None)
+    true = arm.reset(demonstrated(0, 0))["can_pose"][:2, 3]
+    arm.close()
+    np.testing.assert_array_equal(stored["state"][:, at], np.zeros((3, 2)))  # of the episode
+    gaps = np.linalg.norm(stored["camera"][:, at] - true, axis=1)
+    assert 0.0 < gaps[0] < 0.005
+    assert np.ptp(gaps) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -172,14 +227,36 @@ def test_the_worst_seed_decides(tmp_path: Path, worst: float, reached: bool) -> 
     assert "data:image/png" in (tmp_path / "report.html").read_text()
 
 
+def test_the_summary_has_the_episodes_in_which_the_can_was_not_seen(tmp_path: Path) -> None:
+    learned = results(1.0, 1.0)
+    for one in learned.values():
+        one["cans"] = {
+            "drawing": {"seen": [True] * 10, "errors": [0.001] * 10},
+            "020": {"seen": [True], "errors": [0.02]},
+            "021": {"seen": [False], "errors": [0.045]},
+        }
+    found = conclude(Args(can="camera", out=tmp_path), {}, learned, 1.0, 1.0)
+    assert found["can"] == "camera"
+    assert found["metrics"]["can not seen"]["median"] == pytest.approx(1 / 12, rel=1e-3)
+    _, table = found["tables"]
+    assert table["rows"] == [
+        ["drawing", "10 of 10", "1.0", "1.0"], ["020", "1 of 1", "20.0", "20.0"],
+        ["021", "0 of 1", "45.0", "45.0"],
+    ]  # fmt: skip
+    assert "not seen in 1 of 12 judged episodes" in table["note"]
+
+
 def test_what_the_reward_teaches_is_a_metric_without_a_threshold(tmp_path: Path) -> None:
     learned = results(0.0, 0.0)
     for one in learned.values():
         one |= {"reward": [[0.0] * 10, [0.2] * 10], "distance": [[0.5] * 10, [0.07] * 10]}
+        one["robots_distance"] = {"020": [0.1, 0.3], "021": [0.4]}
     metrics = conclude(Args(by="reward", out=tmp_path), {}, learned, 1.0, 1.0)["metrics"]
     assert metrics["lifted on the drawing"]["reached"] is False
     assert (metrics["reward"]["median"], metrics["reward"]["must"]) == (0.2, None)
     assert metrics["distance"]["worst"] == 0.07
+    assert metrics["distance on other robots"]["worst"] == 0.4
+    assert "can not seen" not in metrics
 
 
 def test_a_learner_has_rows_of_about_unit_size_and_the_reward_of_the_environment() -> None:
@@ -204,6 +281,42 @@ def test_an_action_changes_the_command_but_is_that_of_the_fingers() -> None:
     np.testing.assert_allclose(found, [0.5 - CHANGE, 1.0, 0.3])
 
 
+def test_a_learner_has_another_guessed_model_in_each_episode_and_the_same_ones_for_a_seed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(reward, "GUESSES", 3)
+    models, again = trained_on("guessed", 5), trained_on("guessed", 5)
+    assert models is not None
+    assert again is not None
+    assert [mass_of(model) for model in models] == [mass_of(model) for model in again]
+    env = RowEnv(None, models)
+    env.reset(seed=0)
+    found = []
+    for _ in range(12):
+        env.reset()
+        found.append(env._arm._world.robot.model.body("can").mass[0])
+    env.close()
+    assert set(found) == {mass_of(model) for model in models}
+    assert len(set(found)) == 3
+    assert trained_on("drawing", 5) is None
+
+
+def mass_of(model: Any) -> float:
+    return float(model.compile().body("can").mass[0])
+
+
+def test_a_learner_on_the_drawing_has_the_same_episodes_as_one_on_models() -> None:
+    nominal = study_model(asset_path(CanGrasp.scene), fingers=True)
+    envs = [RowEnv(None), RowEnv(None, [nominal])]
+    for _ in range(2):
+        one, other = (env.reset(seed=3)[0] for env in envs)
+        np.testing.assert_allclose(one, other, atol=1e-5)
+        one, other = (env.step(np.full(37, 0.4, np.float32))[0] for env in envs)
+        np.testing.assert_allclose(one, other, atol=1e-3)
+    for env in envs:
+        env.close()
+
+
 def test_a_learner_never_has_a_judged_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     env = RowEnv(None)
     seeds: list[int] = []
@@ -222,6 +335,16 @@ def test_a_learner_never_has_a_judged_episode(monkeypatch: pytest.MonkeyPatch) -
         (["--seeds", "x"], "Seeds are 'x'; give one such as 3 or a range such as 0-9.\n"),
         (["--robots", "9-8"], "Seeds are '9-8', but a range must end with its higher number.\n"),
         (["--rows", "0"], "Rows are 0, but at least 1 is needed.\n"),
+        (
+            ["--by", "reward", "--can", "camera"],
+            "Training from the reward renders no frames, so that the can's position is that of "
+            "the state: leave --can out, or give --by demonstrations.\n",
+        ),
+        (
+            ["--models", "guessed"],
+            "Demonstrations are those on the drawing: leave --models out, or give --by reward for "
+            "policies that are trained on guessed models.\n",
+        ),
         (["--jobs", "0"], "Jobs are 0, but at least 1 is needed.\n"),
     ],
 )
@@ -234,9 +357,12 @@ def test_bad_input_is_one_sentence(
 
 
 @pytest.mark.slow
-def test_the_small_version_runs_and_goes_on(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+@pytest.mark.parametrize("can", ["state", "camera"])
+def test_the_small_version_runs_and_goes_on(
+    can: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     maps = request.config.cache.mkdir("maps")
-    arguments = ["--quick", "--seeds", "0", "--robots", "20", "--cache", str(maps)]
+    arguments = ["--quick", "--can", can, "--seeds", "0", "--robots", "20", "--cache", str(maps)]
     assert main(["learn-grasp", *arguments, "--out", str(tmp_path)]) == 0
     first = json.loads((tmp_path / "summary.json").read_text())
     assert main(["learn-grasp", *arguments, "--out", str(tmp_path)]) == 0
@@ -247,9 +373,12 @@ def test_the_small_version_runs_and_goes_on(request: pytest.FixtureRequest, tmp_
 
 @pytest.mark.slow
 @pytest.mark.torch
-def test_learning_from_the_reward_runs(tmp_path: Path) -> None:
-    arguments = ["--by", "reward", "--quick", "--seeds", "0", "--robots", "20"]
+@pytest.mark.parametrize("models", ["drawing", "guessed"])
+def test_learning_from_the_reward_runs(models: str, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    arguments = ["--by", "reward", "--models", models, "--quick", "--seeds", "0", "--robots", "20"]
     assert main(["learn-grasp", *arguments, "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "summary.json").read_text())
     assert found["per_seed"]["0"]["at"] == [0, 1024]
+    assert found["models"] == models
     assert 0.0 < found["metrics"]["reward"]["median"] < 1.0

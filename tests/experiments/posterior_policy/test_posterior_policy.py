@@ -28,6 +28,7 @@ from experiments.posterior_policy.models import (
 from experiments.posterior_policy.run import Args, Work, run
 from experiments.posterior_policy.tables import metrics, policy_table
 from experiments.posterior_policy.training import Linear, Sizes, acting, linear, rest_of
+from experiments.robots.guessed_models import guessed_models
 from kengoro.study_model import study_model
 from kengoro_env.assets import asset_path
 from kengoro_env.vector import KengoroVectorEnv
@@ -118,6 +119,18 @@ def test_guesses_are_within_a_fifth_and_fit(nominal: mujoco.MjSpec) -> None:
         np.testing.assert_allclose(after.actuator_gainprm[:, 0], -after.actuator_biasprm[:, 1])
         np.testing.assert_allclose(after.actuator_forcerange[:, 1], after.actuator_biasprm[:, 0])
         np.testing.assert_array_equal(after.actuator_forcerange[:, 0], -500.0)
+
+
+def test_the_motor_of_the_fingers_is_not_guessed() -> None:
+    nominal = study_model(asset_path("mjcf/kengoro_arm/can_grasp.xml"), fingers=True)
+    (guess,) = guessed_models(nominal, 1, 1)
+    old, new = nominal.compile(), guess.compile()
+    fingers = new.actuator("fingers").id
+    for name in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
+        before, after = getattr(old, name), getattr(new, name)
+        np.testing.assert_array_equal(after[fingers], before[fingers])
+        assert np.any(after[0] != before[0])
+    assert new.body("can").mass[0] != old.body("can").mass[0]
 
 
 def test_a_policy_scales_targets_by_the_joint_ranges() -> None:
