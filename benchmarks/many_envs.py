@@ -24,7 +24,7 @@ from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.stepping.choice import cores
 from kengoro_env.vector import KengoroVectorEnv
 
-IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0")
+IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
 ROBOTS = (None, 0)
 COUNTS = (1, 2, 4, 8, 64, 256)
 """Numbers of environments."""
@@ -36,7 +36,7 @@ ROUNDS, STEPS = 25, 20
 def medians_us(env: KengoroVectorEnv) -> tuple[float, float]:
     """Median times of one environment's step among many, and of its physics alone [us]."""
     substeps = round(CONTROL_PERIOD / env.fleet.parts(0)[0].opt.timestep)
-    actions = np.zeros((env.num_envs, len(env.muscles)), dtype=np.float32)
+    actions = np.zeros(env.action_space.shape or (), dtype=np.float32)
     stepped, raw = [], []
     workers = cores()
     with ThreadPoolExecutor(workers) as pool:

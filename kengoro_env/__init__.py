@@ -19,12 +19,13 @@ _ENTRY_POINT = "kengoro_env.env:KengoroEnv"
 _VECTOR_ENTRY_POINT = "kengoro_env.vector:KengoroVectorEnv"
 
 # Twice 4 approaches of 15 s and 60 postures of 4 s, so that there is time to observe and to settle.
-# Only the camera shows where the can stands.
+# Only the camera shows where the can stands. A vector environment has none.
 gymnasium.register(
     "Kengoro/CanGrasp-v0",
     _ENTRY_POINT,
     max_episode_steps=20_000,
-    kwargs={"task": "can_grasp", "camera": True},
+    kwargs={"task": "can_grasp", "camera": None},
+    vector_entry_point=_VECTOR_ENTRY_POINT,
 )
 # 5 targets of 4 s.
 for _id, _task in (("Kengoro/Posture-v0", "posture"), ("Kengoro/Elbow-v0", "elbow")):

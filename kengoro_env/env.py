@@ -36,7 +36,7 @@ from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.options import checked_options, finite
 from kengoro_env.tasks.posture import posture_task
-from kengoro_env.tasks.task import Task
+from kengoro_env.tasks.task import Task, entries_of
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
 from kengoro_env.vision.lens import camera_painter
@@ -100,7 +100,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         robot_seed: seed of an actual robot; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
         camera: whether ``frame`` and ``frame_time`` are observed; None: if the scene has a camera.
-            ``Kengoro/CanGrasp-v0`` is registered with True, for nothing else shows the can.
+            ``Kengoro/CanGrasp-v0`` is registered with None, for nothing else shows the can.
         render_mode: None, "rgb_array", "depth_array" or "human".
         gains: gains of muscle stiffness control after each reset.
         control_period: simulated time of a step, from 0.001 to 0.1 [s].
@@ -164,7 +164,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self.task.has_camera and camera is not False:
             self._camera = _head_camera(robot)
         self.bounds = length_bounds(self.task.scene)
-        self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
+        self._entries = entries_of(self.task, robot.muscles)
         self._action_shape = (len(self._entries),)
         self.action_space = spaces.Box(-1.0, 1.0, self._action_shape, dtype=np.float32)
         self._dtype = checked_dtype(dtype)

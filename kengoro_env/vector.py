@@ -1,9 +1,8 @@
-"""Vector environment: what ``gymnasium.make_vec`` creates for Posture and Elbow."""
+"""Vector environment: what ``gymnasium.make_vec`` creates."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from functools import partial
 from typing import Any
 
@@ -35,19 +34,19 @@ from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.robot.own_model import Model
 from kengoro_env.spaces import check_actions, checked_dtype, in_dtype
 from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
-from kengoro_env.stepping.report import latest_results
-from kengoro_env.tasks.reach import Reach
+from kengoro_env.tasks.many import tasks_of_many
+from kengoro_env.tasks.task import entries_of
 from kengoro_env.types import Bools
 from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 Observations = dict[str, NDArray[Any]]
 Infos = dict[str, Any]
 
-OBSERVED = ("lengths", "tensions", "target")
-"""Entries of the observations."""
+OBSERVED = ("lengths", "tensions")
+"""Entries of the observations of all tasks."""
 
 KNOWN = ("joint_angles", "hand_pose", "slack_paid_out", "slack_target", "time", "success")
-"""Entries of the infos."""
+"""Entries of the infos of all tasks."""
 
 MANY: dict[str, Any] = {
     **METADATA,
@@ -66,7 +65,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     Args:
         num_envs: number of environments.
-        task: "posture" or "elbow".
+        task: "posture", "elbow" or "can_grasp".
         robot_seed: seed of the actual robot, the same in all environments; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
         camera: False or None; use ``vectorization_mode="async"`` for environments with a camera.
@@ -138,15 +137,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.render_mode = render_mode
         frames = self._env.metadata["render_fps"]
         self.metadata = {**MANY, "render_fps": frames, "autoreset_mode": self.autoreset_mode}
-        self._task = _reach_task(self._env)
+        _refuse_heat(self._env)
         self.num_envs = num_envs
         self._dtype = checked_dtype(dtype)
         self._make_spaces()
         self.muscles, self.joints = self._env.muscles, self._env.joints
-        self._latest = latest_results(num_envs, len(self.muscles), len(self.joints))
+        self._make_tasks()
         self.fleet = self._new_fleet()
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
-        self._tasks: list[Reach] = []
+        self._begun = False
         self._prepare_steps(np.inf if max_episode_steps is None else max_episode_steps)
 
     def _prepare_steps(self, most: float) -> None:
@@ -157,7 +156,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._no_truncation_before = 0.0  # before this step none is
         self._none, self._all = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
         self._ended = self._all.copy()
-        self._shown = np.ones((len(KNOWN), count), dtype=bool)
+        self._shown = np.ones((len(self._known), count), dtype=bool)
 
     def _make_spaces(self) -> None:
         """Set the spaces; the single environment inside keeps float64, which goals need."""
@@ -169,13 +168,25 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._action_shape = self.action_space.shape
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
 
+    def _make_tasks(self) -> None:
+        """Set the tasks, the arrays of results, and which of them observations and infos hold."""
+        task, sizes = self._env.task, (len(self.muscles), len(self.joints))
+        self._entries = entries_of(task, self.muscles)
+        self._tasks = tasks_of_many(task, self.num_envs, *sizes)
+        self._latest = self._tasks.latest
+        self._observed = (*OBSERVED, *self._tasks.observed)
+        self._known = (*KNOWN, *self._tasks.known)
+
     def _new_fleet(self) -> Steps:
-        robots = [env.robot for env in self._envs]
-        return steps_of_many(robots, self._env.bounds, self._latest, self._threads)
+        robots, env = [each.robot for each in self._envs], self._env
+        return steps_of_many(
+            robots, env.bounds, self._entries, self._tasks.stepped, self._threads,
+            env.task.object_name,
+        )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here; `fleet` is made again from its robots."""
-        states = [self.fleet.state(i) for i in range(self.num_envs)] if self._tasks else []
+        states = [self.fleet.state(i) for i in range(self.num_envs)] if self._begun else []
         state = {**self.__dict__, "fleet": states}
         return {**state, "spec": None} if self._has_own_models else state  # a MjSpec has no copy
 
@@ -207,7 +218,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         if "reset_mask" in options:
             which = checked_mask(options.pop("reset_mask"), self.num_envs)
         seeds = seeds_of_many(seed, self.num_envs)
-        if not self._tasks and not np.all(which):
+        if not self._begun and not np.all(which):
             raise EpisodeError("the first reset must be one of all environments")
         for i in np.flatnonzero(which):
             self._begin(int(i), seeds[i], options)
@@ -222,11 +233,8 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             env.np_random = np.random.default_rng()
         observation, info = env.reset(seed=seed, options=options)
         self._randoms[i] = env.np_random
-        if not self._tasks:
-            self._tasks = [self._task] * self.num_envs
-        assert isinstance(env.task, Reach)
-        self._tasks[i] = copy(env.task)
-        self._latest["until"][i] = env.task.until
+        self._begun = True
+        self._tasks.begin(i, env.task)
         self.fleet.restore(i, env.robot.state())
         self._last_steps[i], self._ended[i] = self._step + self._most, False
         for name, value in (observation | info).items():
@@ -238,15 +246,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """Hold the commanded lengths for a control period; reset as ``autoreset_mode`` says.
 
         Args:
-            actions: entries in [-1, 1] (num_envs, m).
+            actions: entries in [-1, 1] (num_envs, m), in CanGrasp (num_envs, m + 1).
 
         Raises:
             InvalidActionError: an action is not valid; nothing has moved.
             EpisodeError: no episode has begun, or one has ended that the user is to reset.
         """
         checked = self._checked(actions)
-        if not self._tasks:
-            check_actions(checked, self.muscles)
+        if not self._begun:
+            check_actions(checked, self._entries)
             raise EpisodeError(f"there is no episode to step ({NOT_BEGUN}): call reset")
         begins = self._ended
         some_begin = _some(begins)
@@ -256,37 +264,33 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             )
         # A NumPy function that runs once a step takes as long as a tenth of a small robot's step,
         # for physics has displaced its code from the cache: hence only copies in the usual case.
-        diverged = self.fleet.step_many(checked, ~begins if some_begin else self._all)
+        moving = ~begins if some_begin else self._all
+        terminated = self.fleet.step_many(checked, moving)
         self._step += 1
+        reasons = self._tasks.judge(moving, terminated)
         for i in np.flatnonzero(begins) if some_begin else ():
             self._begin(int(i), None, {})
-        if _some(self._latest["due"]):
-            self._aim()
-        truncated = self._truncated(diverged)
+        truncated = self._truncated()
         news: Infos = {}
         self._ended = self._none
-        if _some(diverged) or _some(truncated):
-            self._ended = diverged | truncated
+        if reasons or _some(terminated) or _some(truncated):
+            reasons |= dict.fromkeys(np.flatnonzero(terminated).tolist(), str(DivergedError()))
+            terminated[list(reasons)] = True
+            self._ended = terminated | truncated
             same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-            news = self._reset_ended(diverged) if same_step else self._reasons(diverged)
+            news = self._reset_ended(reasons) if same_step else self._reasons(reasons)
         observed, infos = self._results()
         infos |= news
-        return observed, self._latest["reward"].copy(), diverged, truncated, infos
+        return observed, self._latest["reward"].copy(), terminated, truncated, infos
 
-    def _aim(self) -> None:
-        """Set the targets that are due."""
-        for i in np.flatnonzero(self._latest["due"]):
-            task = self._tasks[i]
-            task.next_target()
-            self._latest["target"][i], self._latest["until"][i] = task.goal, task.until
-
-    def _truncated(self, diverged: Bools) -> Bools:
+    def _truncated(self) -> Bools:
         if self._step < self._no_truncation_before:
             return self._none.copy()
         self._no_truncation_before = self._last_steps.min()
-        return (self._last_steps <= self._step) & ~diverged
+        truncated: Bools = self._last_steps <= self._step
+        return truncated
 
-    def _reset_ended(self, diverged: Bools) -> Infos:
+    def _reset_ended(self, reasons: dict[int, str]) -> Infos:
         """Reset the environments that ended; return their last observations and infos."""
         ended = self._ended.copy()
         observed, infos = self._results(ended)
@@ -294,7 +298,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         for i in np.flatnonzero(ended):
             last[i] = {name: values[i] for name, values in observed.items()}
             self._begin(int(i), None, {})
-        infos |= self._reasons(diverged)
+        infos |= self._reasons(reasons)
         return {
             "final_obs": last,
             "_final_obs": ended,
@@ -302,13 +306,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             "_final_info": ended.copy(),
         }
 
-    def _reasons(self, diverged: Bools) -> Infos:
-        """Entries of infos with the reasons of environments that diverged, if any did."""
-        if not diverged.any():
+    def _reasons(self, reasons: dict[int, str]) -> Infos:
+        """Entries of infos with the reasons of environments that terminated, if any did."""
+        if not reasons:
             return {}
-        reasons = np.full(self.num_envs, None, dtype=object)
-        reasons[diverged] = str(DivergedError())
-        return {"reason": reasons, "_reason": diverged.copy()}
+        of_all = np.full(self.num_envs, None, dtype=object)
+        shown = np.zeros(self.num_envs, dtype=bool)
+        of_all[list(reasons)], shown[list(reasons)] = list(reasons.values()), True
+        return {"reason": of_all, "_reason": shown}
 
     def _checked(self, actions: object) -> NDArray[np.floating[Any]]:
         """The actions as an array of the right shape; the step checks its values."""
@@ -317,9 +322,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             return actions
         array = real_numbers(actions)
         if array is None or array.shape != shape:
+            fingers = " and one for the fingers" if self._env.task.fingers else ""
             raise InvalidActionError(
                 f"actions must be real numbers of the shape {shape}, one row an "
-                "environment and one column a muscle, got "
+                f"environment and one column a muscle{fingers}, got "
                 f"{described(actions) if array is None else array.shape}"
             )
         return array
@@ -329,14 +335,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         latest = self._latest
         infos: Infos = {}
         shown = self._shown.copy()
-        for name, mask in zip(KNOWN, shown, strict=True):
+        for name, mask in zip(self._known, shown, strict=True):
             infos[name] = latest[name].copy()
             infos[f"_{name}"] = mask
         if which is not None:
             shown &= which
-            for name in KNOWN:
+            for name in self._known:
                 infos[name][~which] = 0
-        observed = {name: latest[name].copy() for name in OBSERVED}
+        observed = {name: latest[name].copy() for name in self._observed}
         if self._dtype != np.float64:
             observed = {name: values.astype(self._dtype) for name, values in observed.items()}
         return observed, infos
@@ -349,7 +355,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """
         if self.render_mode is None:
             return None
-        if not self._tasks:
+        if not self._begun:
             raise EpisodeError(f"there is no episode to render ({NOT_BEGUN}): call reset")
         images = []
         for i in range(self.num_envs):
@@ -409,16 +415,12 @@ def _autoreset_mode(mode: object) -> AutoresetMode:
     return known[mode]
 
 
-def _reach_task(env: KengoroEnv) -> Reach:
-    """The task of an environment that can be one of many."""
-    if not isinstance(env.task, Reach):
-        raise ArgumentError("only the tasks posture and elbow have a vector environment")
+def _refuse_heat(env: KengoroEnv) -> None:
     if env.robot.heat is not None:
         raise ArgumentError(
             "a vector environment has no HeatingMotors: leave them out, or ask for "
             'vectorization_mode="async"'
         )
-    return env.task
 
 
 def _refuse_camera_and_window(camera: bool | None, render_mode: str | None) -> None:

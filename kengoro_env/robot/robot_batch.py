@@ -44,15 +44,19 @@ class RobotBatch(Body):
         robot: the template.
         count: number of robots.
         threads: number of threads that step them; 0: one per core.
+        keeps_data: whether `data_of` is to return what steps have computed, such as contacts.
     """
 
     _substeps: int
+    _fingers: int | None
 
-    def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
+    def __init__(
+        self, robot: Robot, count: int, threads: int = 0, keeps_data: bool = False
+    ) -> None:
         vars(self).update(vars(robot))  # names, sensors and sizes, which all robots share
         # Friction that follows tension needs one call per time step. Then one `MjData` a thread,
         # which stays in the cache of its core, is faster than one a robot; otherwise it is slower.
-        persistent = not robot.motors.frictions
+        persistent = keeps_data or not robot.motors.frictions
         self._batch = self.data = Batch(robot.model, count, threads, persistent=persistent)
         for name in _BOUND:
             self._batch.bind(name)
@@ -66,6 +70,7 @@ class RobotBatch(Body):
         self._random = [np.random.default_rng(0)] * count
         self._events = [list(robot.events)] * count
         self._next_event = np.full(count, np.inf)  # time of each robot's next event [s]
+        self._copied = mujoco.MjData(robot.model) if keeps_data else None
 
     @property
     def time(self) -> Floats:
@@ -129,6 +134,16 @@ class RobotBatch(Body):
         velocity = batch.bind("qvel")
         finite = np.isfinite(np.vecdot(velocity, velocity))  # as in `Robot`
         return moving & (~finite | warned.any(axis=1))
+
+    def close_fingers(self, commands: Floats, moving: Bools) -> None:
+        """Command the fingers of robots that move, from -1 (open) to +1 (closed) (count,)."""
+        assert self._fingers is not None
+        self._batch.ctrl[moving, self._fingers] = commands[moving]
+
+    def data_of(self, i: int) -> mujoco.MjData:
+        """What the last step of robot ``i`` computed, until the next call."""
+        assert self._copied is not None
+        return self._batch.get_data(i, self._copied)
 
     def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of robot ``i``, to read from."""

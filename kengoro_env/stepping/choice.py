@@ -38,37 +38,48 @@ def steps_of_one(
     compiled = library()
     if compiled is None:
         return NumpySteps(robot, bounds, entries, tracked)
-    return CompiledSteps(compiled, [robot], bounds, entries, tracked)
+    return CompiledSteps(compiled, [robot], bounds, entries, [] if tracked is None else [tracked])
 
 
 def steps_of_many(
-    templates: Sequence[Robot], bounds: LengthBounds, latest: Latest, threads: int
+    templates: Sequence[Robot],
+    bounds: LengthBounds,
+    entries: Sequence[str],
+    latest: Latest,
+    threads: int,
+    object_name: str | None = None,
 ) -> Steps:
     """Control steps of copies of a robot, or of one each, whose states `restore` sets.
 
     Args:
         templates: one robot, or one for each row of ``latest``, with the same muscles and joints.
         bounds: bounds of the lengths, for actions and observations.
+        entries: names of the entries of an action.
         latest: the results, to which steps write.
         threads: number of threads, at most `MOST_THREADS`; 0: as many as pay, at most one per core.
+        object_name: name of the object that each hand is to lift; None: no object.
 
     Raises:
         ArgumentError: there are several robots, and no compiled code to step them.
     """
     compiled, robot, count = library(), templates[0], len(latest["time"])
+    tracked = []
+    if object_name is not None:
+        tracked = [TrackedObject(each.model, object_name) for each in templates]
     if compiled is None:
         if len(templates) > 1:
             raise ArgumentError(
                 "models for each environment need a C compiler; without one, make a "
                 "gymnasium.vector.SyncVectorEnv of environments with a model each"
             )
-        return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles, latest=latest)
+        batch = RobotBatch(robot, count, threads, keeps_data=bool(tracked))
+        return NumpySteps(batch, bounds, entries, next(iter(tracked), None), latest)
     threads = threads or threads_for(robot, count)
     if len(templates) == 1:
-        robots = copies(robot, count)
+        robots, tracked = copies(robot, count), tracked * count
     else:
         robots = [copies(each, 1)[0] for each in templates]
-    return CompiledSteps(compiled, robots, bounds, robot.muscles, latest=latest, threads=threads)
+    return CompiledSteps(compiled, robots, bounds, entries, tracked, latest, threads)
 
 
 def threads_for(robot: Robot, count: int) -> int:

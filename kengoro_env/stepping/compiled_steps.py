@@ -42,7 +42,7 @@ class CompiledSteps:
         robots: the robots; all have the same model.
         bounds: bounds of the lengths, for actions and observations.
         entries: names of the entries of an action: muscles, then "fingers" if they are commanded.
-        tracked: the object that the hand of a single robot is to lift.
+        tracked: the object that the hand of each robot is to lift; none: no object.
         latest: the results of many robots, to which steps write; None: a single robot.
         threads: number of threads that step the robots, at most 256.
     """
@@ -53,7 +53,7 @@ class CompiledSteps:
         robots: Sequence[Robot],
         bounds: LengthBounds,
         entries: Sequence[str],
-        tracked: TrackedObject | None = None,
+        tracked: Sequence[TrackedObject] = (),
         latest: Latest | None = None,
         threads: int = 1,
     ) -> None:
@@ -61,15 +61,15 @@ class CompiledSteps:
         count, m, n = len(robots), len(robots[0].muscles), len(robots[0].joints)
         actions = np.full((count, m + 1), -1.0)  # -1 opens fingers that have no entry
         noise = np.zeros((count, m * robots[0].kinds_of_noise))
-        self._object_pose = None if tracked is None else np.eye(4)
-        tracking = {"object": -1} if tracked is None else tracked.layout()
-        shared = {**bounds.layout(), **tracking, "object_pose": self._object_pose}
+        self._object_pose = np.eye(4) if tracked else None
+        objects = [each.layout() for each in tracked] or [{"object": -1}] * count
         results = self._rows_of_one(m, n) if latest is None else _rows_of_many(latest)
         self._structures = (Step * count)()
         self._kept: list[Any] = []  # the memory that pointers lead to
         for i, (structure, robot) in enumerate(zip(self._structures, robots, strict=True)):
             own = {"action": actions[i], "noise": noise[i], **results[i]}
-            self._kept += fill(structure, {**robot.layout(), **shared, **own})
+            shown = {**robot.layout(), **bounds.layout(), **objects[i]}
+            self._kept += fill(structure, {**shown, **own})
             for part, friction in zip(structure.friction, robot.motors.frictions, strict=False):
                 self._kept += fill(part, friction.layout(robot.model))
         self._actions = actions[0 if latest is None else slice(None), : len(entries)]
@@ -93,7 +93,7 @@ class CompiledSteps:
         if threads > 1:
             finalize(self, compiled.end_fleet, fleet)
 
-    def _rows_of_one(self, m: int, n: int) -> list[dict[str, Floats]]:
+    def _rows_of_one(self, m: int, n: int) -> list[dict[str, Floats | None]]:
         """Results of a single robot, which `step` copies in one piece, by field of ``Step``."""
         sizes = dict.fromkeys(("lengths", "tensions", "slack_paid_out", "slack_target"), m)
         sizes |= {"joint_angles": n, **dict.fromkeys(NUMBERS, 1)}
@@ -102,7 +102,7 @@ class CompiledSteps:
         self._report, self._pose = np.zeros(ends[-1]), np.eye(4)
         self._columns = (*parts[:5], slice(ends[5], None))
         rows = {name: self._report[part] for name, part in zip(sizes, parts, strict=True)}
-        return [{**rows, "hand_pose": self._pose}]
+        return [{**rows, "hand_pose": self._pose, "object_pose": self._object_pose}]
 
     def step(self, actions: NDArray[np.floating[Any]], goals: Floats | None) -> Report:
         """Carry out an action of a single robot for one control period.
@@ -201,12 +201,14 @@ class CompiledSteps:
 
 
 def _rows_of_many(latest: Latest) -> list[dict[str, Any]]:
-    """Results of each robot by field of ``Step``, with the constants that judge them."""
+    """Results of each robot by field of ``Step``; with goals, the constants of the reward, too."""
     rows = {name: values.reshape(len(values), -1) for name, values in latest.items()}
-    rows["goal"] = rows.pop("target")
+    constants = {}
+    if "target" in rows:
+        rows["goal"], constants = rows.pop("target"), reach_reward.layout()
     return [
-        {**{name: values[i] for name, values in rows.items()}, **reach_reward.layout()}
-        for i in range(len(rows["goal"]))
+        {**{name: values[i] for name, values in rows.items()}, **constants}
+        for i in range(len(rows["time"]))
     ]
 
 

@@ -26,7 +26,7 @@ class NumpySteps:
         robots: a robot, whose arrays have no axis of robots; or many, in a leading axis.
         bounds: bounds of the lengths, for actions and observations.
         entries: names of the entries of an action: muscles, then "fingers" if they are commanded.
-        tracked: the object that the hand of a single robot is to lift.
+        tracked: the object that the hand is to lift, alike in all robots; None: no object.
         latest: the results of many robots, to which steps write; None: a single robot.
     """
 
@@ -56,16 +56,34 @@ class NumpySteps:
         robots, latest = self._robots, self._latest
         assert isinstance(robots, RobotBatch)
         assert latest is not None
-        diverged = robots.step(self._bounds.to_lengths(self._clipped(actions)), moving)
-        report = measured_report(robots, self._bounds, latest["target"])
+        clipped = self._clipped(actions)
+        count = len(robots.muscles)
+        if clipped.shape[1] > count:
+            robots.close_fingers(clipped[:, -1], moving)
+        diverged = robots.step(self._bounds.to_lengths(clipped[:, :count]), moving)
+        report = measured_report(robots, self._bounds, latest.get("target"))
         moved = moving & ~diverged
+        for name, values in (report.observation | report.truth).items():
+            latest[name][moved] = values[moved]
+        latest["tension"][moved] = report.tension[moved]
+        if "target" in latest:
+            self._judge(report, moved)
+        if self._tracked is not None:
+            for i in np.flatnonzero(moved):
+                state = self._tracked.observe(robots.data_of(int(i)))
+                latest["object_pose"][i] = state.pose
+                latest["distance"][i], latest["touched"][i] = state.distance, state.touched
+        return diverged
+
+    def _judge(self, report: Report, moved: Bools) -> None:
+        """Write reward and success of robots that reach, and whether their next target is due."""
+        latest = self._latest
+        assert latest is not None
+        latest["error"][moved] = report.error[moved]
         outcomes = map(judged, report.error.tolist(), report.tension.tolist())
         rewards, successes = map(np.array, zip(*outcomes, strict=True))
         latest["reward"][:], latest["success"][:] = np.where(moved, rewards, 0.0), moved & successes
-        for name, values in (report.observation | report.truth).items():
-            latest[name][moved] = values[moved]
         latest["due"][:] = moved & (latest["time"] >= latest["until"])
-        return diverged
 
     def _clipped(self, actions: NDArray[np.floating[Any]]) -> Floats:
         check_actions(actions, self._entries)

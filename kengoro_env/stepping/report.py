@@ -38,19 +38,39 @@ class Report(NamedTuple):
 def latest_results(count: int, muscles: int, joints: int) -> Latest:
     """Arrays for the latest results of many robots, by name, with a leading axis of robots.
 
-    They are the entries of `Report`; ``reward`` and ``success`` (count,); and ``due`` (count,),
-    whether the time of the next target has come. Rows of robots that do not move, or that diverge,
-    stay as they are, but for a reward of 0 without success. Steps read ``target`` (count, n), the
-    joint angles to reach [rad], and ``until`` (count,), the time of the next target [s].
+    They are the entries of `Report` but for the object. Rows of robots that do not move, or that
+    diverge, stay as they are.
     """
     of_muscles = ("lengths", "tensions", "slack_paid_out", "slack_target")
     return {
         **{name: np.zeros((count, muscles)) for name in of_muscles},
-        **{name: np.zeros((count, joints)) for name in ("joint_angles", "target")},
+        "joint_angles": np.zeros((count, joints)),
         "hand_pose": np.tile(np.eye(4), (count, 1, 1)),
-        **{name: np.zeros(count) for name in ("error", "tension", "time", "reward")},
-        **{name: np.zeros(count, dtype=bool) for name in ("success", "due")},
+        **{name: np.zeros(count) for name in ("error", "tension", "time")},
+    }
+
+
+def reach_results(count: int, joints: int) -> Latest:
+    """Further arrays with which steps judge many robots that reach joint angles.
+
+    They are ``reward`` and ``success`` (count,), and ``due`` (count,), whether the time of the next
+    target has come; 0 for robots that do not move or that diverge. Steps read ``target``
+    (count, n), the joint angles to reach [rad], and ``until`` (count,), the time of the next target
+    [s].
+    """
+    return {
+        "target": np.zeros((count, joints)),
         "until": np.full(count, np.inf),
+        "reward": np.zeros(count),
+        **{name: np.zeros(count, dtype=bool) for name in ("success", "due")},
+    }
+
+
+def object_results(count: int) -> Latest:
+    """Further arrays for the states of the objects of many robots, see `ObjectState`."""
+    return {
+        "object_pose": np.tile(np.eye(4), (count, 1, 1)),
+        **{name: np.zeros(count) for name in ("distance", "touched")},
     }
 
 

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from kengoro_env.robot.fingers import FINGERS
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.tracked_object import ObjectState
 from kengoro_env.types import Floats
@@ -75,3 +76,8 @@ class Task(Protocol):
             tension: mean tension of the muscles [N].
             state: state of the object; None without an object.
         """
+
+
+def entries_of(task: Task, muscles: Sequence[str]) -> tuple[str, ...]:
+    """Names of the entries of an action: the muscles, then the fingers if they are commanded."""
+    return (*muscles, FINGERS) if task.fingers else tuple(muscles)

@@ -127,8 +127,8 @@ def test_a_model_without_what_grasping_needs_is_refused(change: Any, sentence: s
 def test_a_model_of_the_can_has_no_frames() -> None:
     spec = study_model(asset_path(CAN_SCENE), fingers=True)
     with pytest.raises(ArgumentError, match="has no frames: give camera=False"):
-        gym.make("Kengoro/CanGrasp-v0", model=spec)
-    env = gym.make("Kengoro/CanGrasp-v0", model=spec, camera=False)
+        gym.make("Kengoro/CanGrasp-v0", model=spec, camera=True)
+    env = gym.make("Kengoro/CanGrasp-v0", model=spec)
     assert "frame" not in env.observation_space.spaces  # type: ignore[attr-defined]
 
 

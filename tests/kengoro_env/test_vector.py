@@ -18,10 +18,11 @@ from kengoro_env.departures.tendons import DryFriction, Elongation
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import ArgumentError, EpisodeError, KengoroError
 from kengoro_env.stepping import choice
-from kengoro_env.stepping.compiled_steps import CompiledSteps
 from kengoro_env.stepping.numpy_steps import NumpySteps
 from kengoro_env.vector import KengoroVectorEnv
-from tests.kengoro_env.environments import EveryOtherStretches
+from tests.kengoro_env.environments import EveryOtherStretches, same
+
+pytestmark = pytest.mark.usefixtures("kind")
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
 ELONGATES = {
@@ -31,25 +32,6 @@ ELONGATES = {
         DryFriction(5.0, 0.1),
     )
 }
-
-
-@pytest.fixture(params=[CompiledSteps, NumpySteps], autouse=True)
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """By compiled code and by `mujoco.batch`; single environments are compiled where they can."""
-    if request.param is NumpySteps:
-        monkeypatch.setattr(choice, "library", lambda: None)
-    elif choice.library() is None:
-        pytest.skip("there is no compiled code here")
-    return request.param
-
-
-def same(one: Any, other: Any) -> bool:
-    """Whether both hold the same bits."""
-    if isinstance(one, dict):
-        return set(one) == set(other) and all(same(one[k], other[k]) for k in one)
-    if one is None or one.dtype == object:
-        return one is other or all(map(same, one, other))
-    return one.dtype == other.dtype and np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("threads", [1, 3])
@@ -239,7 +221,6 @@ def test_what_they_give_is_in_their_spaces_and_is_the_callers() -> None:
         ({"render_mode": "human"}, 'has no window.*vectorization_mode="sync"'),
         ({"render_mode": "ascii"}, "unknown render_mode 'ascii'; known: human, rgb_array, depth"),
         ({"height": 5000}, "height must be from 1 to 4096, got 5000"),
-        ({"task": "can_grasp"}, "only the tasks posture and elbow have a vector environment"),
         ({"task": "juggle"}, "unknown task 'juggle'"),
         ({"task": ["elbow"]}, r"unknown task \['elbow'\]"),
     ],
