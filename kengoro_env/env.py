@@ -242,9 +242,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Put the can back to where it stood at the reset (CanGrasp only).
 
         The can stays where it is while the hand is there.
+
+        Raises:
+            EpisodeError: no episode has begun.
         """
         if not isinstance(self.task, CanGrasp):
             raise ArgumentError("there is no can to put back: only CanGrasp has one")
+        if self._ended == NOT_BEGUN:
+            raise EpisodeError(f"there is no can to put back ({NOT_BEGUN}): call reset")
         self.task.put_can_back(self.robot)
 
     def reset(
