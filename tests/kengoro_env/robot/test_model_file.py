@@ -43,7 +43,7 @@ def test_joints_and_tendons_without_a_name_get_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", [str, Path])
-def test_the_text_of_a_model_in_place_of_its_path_is_not_repeated(kind: type) -> None:
+def test_the_text_of_a_model_given_as_its_path_is_not_repeated(kind: type) -> None:
     text = f"<mujoco>{'<!-- long -->' * 100}</mujoco>"
     with pytest.raises(ModelError, match="by its path, not by its text") as caught:
         load_spec(kind(text))
