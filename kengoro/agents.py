@@ -34,7 +34,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import READY
 from kengoro.hand_weights import trained_hand
 from kengoro.nominal_robot import NominalRobot
-from kengoro.robots import SIDES, arm_scene, check_can, check_seed, sample_within
+from kengoro.robots import SIDES, arm_scene, check_seed, sample_within
 from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
@@ -250,7 +250,11 @@ def _with_can(options: AgentOptions, can: CanKind | CanShape | None) -> AgentOpt
         return options
     if isinstance(can, CanShape):
         return replace(options, can="seen", can_shape=can)
-    check_can(can)
+    if not isinstance(can, str) or can not in get_args(CanKind):
+        raise UsageError(
+            f"can is {can!r}, but must be 'marker', 'seen', or the jmm_agent.CanShape of a can "
+            "that is seen."
+        )
     return replace(options, can=can)
 
 

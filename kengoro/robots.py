@@ -17,8 +17,10 @@ from jmm_agent.vision.can_shape import CanKind
 from kengoro.errors import UsageError
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import NoCanMarker, NoHandMarker, actual, drawing
+from kengoro_env.departures import NoCanMarker, NoHandMarker
+from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.nominal_model import NominalArm
 
 CAMERA = Camera.from_fovy(640, 480, radians(45.0))
@@ -47,14 +49,17 @@ def check_seed(seed: int) -> None:
 
 def check_hand(hand: object) -> None:
     """Raise a `UsageError` if the kind of hand is neither "marker" nor "seen"."""
-    if hand not in get_args(HandKind):
-        raise UsageError(f"The hand is {hand!r}; it must be 'marker' or 'seen'.")
+    _check_kind("hand", hand, get_args(HandKind))
+
+
+def _check_kind(what: str, kind: object, known: tuple[str, ...]) -> None:
+    if not isinstance(kind, str) or kind not in known:
+        raise UsageError(f"The {what} is {kind!r}; it must be 'marker' or 'seen'.")
 
 
 def check_can(can: object) -> None:
     """Raise a `UsageError` if the kind of can is neither "marker" nor "seen"."""
-    if not isinstance(can, str) or can not in get_args(CanKind):
-        raise UsageError(f"The can is {can!r}; it must be 'marker' or 'seen'.")
+    _check_kind("can", can, get_args(CanKind))
 
 
 def make_env(
@@ -64,6 +69,7 @@ def make_env(
     hand: HandKind = "marker",
     can: CanKind = "marker",
     camera: bool | None = None,
+    departures: Sequence[Departure] | None = None,
     **options: Any,
 ) -> gym.Env[Any, Any]:
     """An environment of Kengoro's arm.
@@ -75,23 +81,31 @@ def make_env(
         can: whether the can carries its marker ("marker") or none ("seen").
         camera: whether the robot has its camera, from which the agent learns; None: if the task's
             scene has one.
-        **options: of `gymnasium.make`, such as ``max_episode_steps``.
+        departures: departures of the robot from the nominal model, in place of ``robot_seed``.
+        **options: of `gymnasium.make`, such as ``max_episode_steps``, except for ``model``.
 
     Raises:
-        UsageError: the task is unknown, the seed is negative, or there is no such hand or can.
+        UsageError: the task is unknown, the seed is negative, there is no such hand or can, or a
+            model is given.
+        KengoroError: another argument cannot be used.
     """
     check_hand(hand)
     check_can(can)
     known = [spec.name for spec in gym.registry.values() if spec.namespace == "Kengoro"]
     if task not in known:
         raise UsageError(f"There is no task {task!r}; there are: {', '.join(known)}.")
+    if options.get("model") is not None:
+        raise UsageError(
+            "make_env has no model: give it to gymnasium.make, such as "
+            f"gymnasium.make('kengoro_env:Kengoro/{task}-v0', model=model)."
+        )
     check_seed(robot_seed or 0)
-    departures = drawing() if robot_seed is None else actual(robot_seed)
+    chosen = chosen_departures(robot_seed, departures)
     if hand == "seen":
-        departures = (*departures, NoHandMarker(removed=True))
+        chosen = (*chosen, NoHandMarker(removed=True))
     if can == "seen":
-        departures = (*departures, NoCanMarker(removed=True))
-    return gym.make(f"Kengoro/{task}-v0", departures=departures, camera=camera, **options)
+        chosen = (*chosen, NoCanMarker(removed=True))
+    return gym.make(f"Kengoro/{task}-v0", departures=chosen, camera=camera, **options)
 
 
 def sample_postures(

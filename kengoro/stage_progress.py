@@ -9,23 +9,36 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 
+def _lines(stages: Sequence[str]) -> Callable[[str, float, str], None]:
+    """The function that prints lines."""
+    tenths, shares = dict.fromkeys(stages, -1), dict.fromkeys(stages, 0.0)
+    printed: set[tuple[str, str]] = set()
+
+    def line(stage: str, share: float, text: str) -> None:
+        tenth, is_still = int(10.0 * share), share == shares[stage]
+        is_new = bool(text) and (stage, text) not in printed
+        if tenth > tenths[stage] or (is_still and is_new):
+            tenths[stage] = max(tenth, tenths[stage])
+            printed.add((stage, text))
+            print(f"{stage}: {share:.0%} {text}".rstrip(), flush=True)
+        shares[stage] = share
+
+    return line
+
+
 @contextmanager
 def progress_of(stages: Sequence[str]) -> Iterator[Callable[[str, float, str], None]]:
     """Show how far stages are: a bar for each, or lines where there is no terminal.
+
+    A line is printed for each tenth of a stage, and once for each text of a stage that has not
+    moved since the call before, such as the one that names what is done next.
 
     Yields:
         Function to call with a stage, the share that is done, and a short text.
     """
     console = Console()
     if not console.is_terminal:
-        shown = dict.fromkeys(stages, -1)
-
-        def line(stage: str, share: float, text: str) -> None:
-            if (tenth := int(10.0 * share)) > shown[stage] or (share == 0.0 and text):
-                shown[stage] = tenth
-                print(f"{stage}: {share:.0%} {text}".rstrip(), flush=True)
-
-        yield line
+        yield _lines(stages)
         return
     columns = (
         TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(),

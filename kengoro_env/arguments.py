@@ -33,15 +33,24 @@ def whole(name: str, value: object, least: int, most: int | None = None) -> int:
 
 
 def real_numbers(value: object) -> Floats | None:
-    """A value as a new array of float64; None: its entries are not real numbers, or are masked."""
-    parts = value if isinstance(value, list | tuple) else (value,)
-    if any(isinstance(part, np.ma.MaskedArray) for part in parts):
+    """A value as a new array of float64; None: its entries are not real numbers, or are masked.
+
+    Texts, truth values and other objects are no numbers, even where NumPy would convert them.
+    """
+    if _has_none_of_numbers(value):
         return None
     try:
         array: np.ndarray[Any, Any] = np.asarray(value)
-        return None if array.dtype.kind in "cMm" else array.astype(float)
-    except (TypeError, ValueError):
+        return array.astype(float) if array.dtype.kind in "iuf" else None
+    except (TypeError, ValueError, RuntimeError):  # RuntimeError: a tensor that has a gradient
         return None
+
+
+def _has_none_of_numbers(value: object) -> bool:
+    """Whether a value, or an entry of its lists, is a truth value or masked."""
+    if isinstance(value, list | tuple):
+        return any(_has_none_of_numbers(part) for part in value)
+    return isinstance(value, bool | np.bool_ | np.ma.MaskedArray)
 
 
 def described(value: object) -> str:

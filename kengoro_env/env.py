@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import DTypeLike, NDArray
 
 from kengoro_env.arguments import checked_mapping, seed_or_none, whole
@@ -19,7 +21,7 @@ from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, Unkno
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
-from kengoro_env.robot.own_model import Model, OwnModel
+from kengoro_env.robot.own_model import Model, OwnModel, SharedModel
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import (
     LATEST,
@@ -125,6 +127,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     """
 
     metadata = METADATA
+    _made_from: EnvSpec | None = None
 
     def __init__(
         self,
@@ -174,6 +177,18 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._tracked = None if name is None else TrackedObject(robot.model, name)
         self._steps = steps_of_one(robot, self.bounds, self._entries, self._tracked)
         self._ended: str | None = NOT_BEGUN
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` made this environment from; it can be copied, with a model, too."""
+        return self._made_from
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._made_from = copy(spec)
+        model = None if spec is None else spec.kwargs.get("model")
+        if self._made_from is not None and not isinstance(model, str | Path | None):
+            self._made_from.kwargs = {**self._made_from.kwargs, "model": SharedModel(model)}
 
     def _make_observation_space(self) -> spaces.Dict:
         muscles = (len(self.muscles),)
@@ -226,9 +241,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Put the can back to where it stood at the reset (CanGrasp only).
 
         The can stays where it is while the hand is there.
+
+        Raises:
+            EpisodeError: no episode has begun.
         """
         if not isinstance(self.task, CanGrasp):
             raise ArgumentError("there is no can to put back: only CanGrasp has one")
+        if self._ended == NOT_BEGUN:
+            raise EpisodeError(f"there is no can to put back ({NOT_BEGUN}): call reset")
         self.task.put_can_back(self.robot)
 
     def reset(
@@ -378,7 +398,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """State of a copy, which continues from here without a window."""
         state = {**self.__dict__, "_window": None, "_steps": None}
-        return {**state, "spec": None} if self._has_own_model else state  # a MjSpec has no copy
+        return {**state, "_made_from": None} if self._has_own_model else state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

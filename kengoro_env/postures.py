@@ -16,7 +16,7 @@ posture belongs to the set if, in the nominal model,
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from math import radians
 
 import mujoco
@@ -180,6 +180,28 @@ def posture_set() -> Floats:
     postures = np.radians(table)
     postures.setflags(write=False)
     return postures
+
+
+def postures_within(lower: Floats, upper: Floats) -> Floats:
+    """The postures of the set within joint limits (N, 14) [rad], read-only.
+
+    If no posture is within them, all postures are returned, moved to the nearest limits.
+
+    Args:
+        lower: lower joint limits (14,) [rad].
+        upper: upper joint limits (14,) [rad].
+    """
+    return _within(lower.tobytes(), upper.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _within(low: bytes, high: bytes) -> Floats:
+    """See `postures_within`; the limits as their bytes."""
+    lower, upper, postures = np.frombuffer(low), np.frombuffer(high), posture_set()
+    inside = np.all((postures >= lower) & (postures <= upper), axis=1)
+    found = postures[inside] if inside.any() else np.clip(postures, lower, upper)
+    found.setflags(write=False)
+    return found
 
 
 def main(count: int = 1000, seed: int = 0) -> None:

@@ -160,8 +160,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
     def _make_spaces(self) -> None:
         """Set the spaces; the single environment inside keeps float64, which goals need."""
-        single = self._env.observation_space
-        assert isinstance(single, spaces.Dict)
+        single = _space_of_all([env.observation_space for env in self._envs])
         self.single_action_space = self._env.action_space
         self.single_observation_space = in_dtype(single, self._dtype)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -421,6 +420,25 @@ def _refuse_heat(env: KengoroEnv) -> None:
             "a vector environment has no HeatingMotors: leave them out, or ask for "
             'vectorization_mode="async"'
         )
+
+
+def _space_of_all(each: Sequence[spaces.Space[Any]]) -> spaces.Dict:
+    """The space that holds the observations of all robots, whose joint ranges may differ."""
+    entries: dict[str, list[Any]] = {}
+    for space in each:
+        assert isinstance(space, spaces.Dict)
+        for name, entry in space.spaces.items():
+            entries.setdefault(name, []).append(entry)
+    return spaces.Dict(
+        {
+            name: spaces.Box(
+                np.min([one.low for one in boxes], axis=0),
+                np.max([one.high for one in boxes], axis=0),
+                dtype=boxes[0].dtype,
+            )
+            for name, boxes in entries.items()
+        }
+    )
 
 
 def _refuse_camera_and_window(camera: bool | None, render_mode: str | None) -> None:

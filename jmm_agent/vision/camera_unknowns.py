@@ -243,6 +243,8 @@ def camera_columns(pose: Floats, unknowns: Floats, solid: bool = False) -> Float
     columns[:3, 3:6] = axes @ np.cross(np.eye(3), arm).T
     square = _body(straight, solid)
     points = square @ straight[:3, :3].T + straight[:3, 3]
+    if points[:, 2].min() <= 0.0:
+        return columns  # no camera shows it: focal length and lens have not moved it
     slopes = points[:, :2] / points[:, 2:]
     moved = np.zeros((len(square), 2, 2))
     for corner, slope in enumerate(slopes):

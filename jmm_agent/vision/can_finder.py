@@ -93,9 +93,16 @@ class CanFinder:
 
     Attributes:
         shape: as given.
+
+    Raises:
+        AgentError: there is no camera, or the shape is none.
     """
 
     def __init__(self, camera: Camera, shape: CanShape | None = None) -> None:
+        if not isinstance(camera, Camera):
+            raise AgentError(f"A finder of a can needs a Camera, got {type(camera).__name__}.")
+        if not isinstance(shape, CanShape | None):
+            raise AgentError(f"A finder of a can needs its CanShape, got {type(shape).__name__}.")
         self._camera, self.shape = camera, shape or CanShape()
 
     def detect(self, frame_rgb: np.ndarray, up: Floats) -> CanDetection | CanSkip:

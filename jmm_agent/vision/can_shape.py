@@ -10,7 +10,7 @@ upper end, one at its lower end, and two straight lines between them, from where
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.plain_numbers import real
 
 CanKind = Literal["marker", "seen"]
 """How frames show a can: by the marker on it, or itself."""
@@ -36,8 +37,8 @@ class CanShape:
         saturation: least saturation of a painted pixel [1].
 
     Raises:
-        AgentError: a size is not positive, the rims leave nothing between them, or the colour is
-            none.
+        AgentError: a value is no number, a size is not positive, the rims leave nothing between
+            them, or the colour is none.
     """
 
     radius: float = 0.033
@@ -48,6 +49,8 @@ class CanShape:
     saturation: float = 0.45
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            real(getattr(self, field.name), f"CanShape: {field.name}")
         if not (0.0 < self.radius < np.inf and 0.0 < self.height < np.inf):
             raise AgentError(
                 f"CanShape: radius is {self.radius} m and height {self.height} m, but both must be "
@@ -58,10 +61,10 @@ class CanShape:
                 f"CanShape: rim is {self.rim} m, but must be at least 0 and less than half the "
                 f"height, {self.height / 2:g} m."
             )
-        if not (np.isfinite(self.hue) and 0.0 < self.hue_width < 180.0):
+        if not (0.0 <= self.hue <= 360.0 and 0.0 < self.hue_width < 180.0):
             raise AgentError(
                 f"CanShape: hue is {self.hue} deg and hue_width {self.hue_width} deg; the hue must "
-                "be finite, and the width between 0 and 180."
+                "be from 0 to 360, and the width between 0 and 180."
             )
         if not 0.0 < self.saturation < 1.0:
             raise AgentError(

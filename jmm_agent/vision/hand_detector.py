@@ -75,10 +75,12 @@ class TrainedHandDetector:
         frame: name of the hand's frame, whose pose is given.
 
     Raises:
-        AgentError: the file is missing or not valid.
+        AgentError: there is no camera, or the file is missing or not valid.
     """
 
     def __init__(self, camera: Camera, path: str | os.PathLike[str]) -> None:
+        if not isinstance(camera, Camera):
+            raise AgentError(f"A hand detector needs a Camera, got {type(camera).__name__}.")
         self._camera, self._path = camera, path
         # OpenCV's networks keep what they compute, so that one thread at a time may use them.
         self._lock = threading.Lock()
@@ -120,7 +122,12 @@ class TrainedHandDetector:
         return self._model
 
     def shows(self, pose: np.ndarray) -> bool:
-        """Whether a frame would show all points of the hand at a pose in the camera (4, 4)."""
+        """Whether a frame would show all points of the hand at a pose in the camera (4, 4).
+
+        Raises:
+            AgentError: it is no pose of the shape (4, 4).
+        """
+        pose = _pose(pose)
         pixels = self._camera.project(self._hand @ pose[:3, :3].T + pose[:3, 3])
         size = np.array([self._camera.width - 1.0, self._camera.height - 1.0])
         return bool(np.all((pixels >= 0.0) & (pixels <= size)))  # NaN: no
@@ -135,7 +142,7 @@ class TrainedHandDetector:
             expected: predicted pose_hand_in_camera (4, 4): where to look, too.
 
         Raises:
-            AgentError: the frame has a wrong shape or type.
+            AgentError: the frame or the predicted pose has a wrong shape or type.
         """
         found = self.hands(frame_rgb, expected)
         if isinstance(found, HandSkip):
@@ -165,10 +172,11 @@ class TrainedHandDetector:
         self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
     ) -> list[Candidate]:
         """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
+        predicted = None if expected is None else _pose(expected)
         with self._lock:
             views = self.views(frame_rgb)
-            if expected is not None and self._in_front(expected):
-                views.append(self._view(expected))
+            if predicted is not None and self._in_front(predicted):
+                views.append(self._view(predicted))
             found = [self._candidate(frame_rgb, view) for view in views]
         return [each for each in found if each is not None]
 
@@ -213,7 +221,7 @@ class TrainedHandDetector:
         return float(np.linalg.norm(across[0] - across[1])) > SAME * self._model.radius
 
     def _candidate(self, frame: np.ndarray, view: CropView) -> Candidate | None:
-        """The hand that a view shows; None if its points have no pose."""
+        """The hand that a view shows; None if its points have no pose before the camera."""
         found, odds = None, []
         for _ in range(TURNS):
             output = _run(self._points, view.cut(frame, self._camera)).ravel().astype(float)
@@ -225,9 +233,25 @@ class TrainedHandDetector:
                 break
             view = self._view(found.pose, level=True)
         assert found is not None
+        if not self._in_front(found.pose):
+            return None
         scale = np.repeat([self._model.position_factor, self._model.rotation_factor], 3)
         detection = HandDetection(found.pose, found.covariance * np.outer(scale, scale))
         return Candidate(detection, float(expit(np.mean(odds))))
+
+
+def _pose(value: object) -> Floats:
+    """A pose (4, 4), which may be any."""
+    try:
+        pose = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape != (4, 4):
+        got = f"the shape {pose.shape}" if pose.size > 1 else type(value).__name__
+        raise AgentError(
+            f"The pose of a hand in the camera must be numbers of the shape (4, 4), got {got}."
+        )
+    return pose
 
 
 def finder_input(frame: np.ndarray, factor: float) -> np.ndarray:

@@ -121,6 +121,8 @@ def read_hand_model(path: str | os.PathLike[str]) -> tuple[HandModel, bytes, byt
     Raises:
         AgentError: there is no such file, or it is not one of a hand detector.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise AgentError(f"The file of a hand detector is {path!r}, but must be a path.")
     path = Path(path)
     if not path.is_file():
         raise AgentError(

@@ -75,7 +75,7 @@ class HandShape(HandFinder):
         found = self._found(frame, pose)
         if isinstance(found, HandSkip):
             return Findings(_missed(found), None)
-        hands = tuple(map(_checked, found))
+        hands = tuple(_checked(one, self._hand) for one in found)
         return Findings(self._seen(hands[0] if len(hands) == 1 else HandSkip.TWICE), None, hands)
 
     def chosen(self, found: Findings, q: Floats) -> Findings:
@@ -122,7 +122,12 @@ class HandShape(HandFinder):
         if not np.any(frame):
             return HandSkip.DARK
         if isinstance(self._hand, HandsDetector):
-            return self._hand.hands(frame, pose) or HandSkip.NOT_SEEN
+            hands: object = self._hand.hands(frame, pose)
+            if isinstance(hands, HandSkip):
+                return hands
+            if not isinstance(hands, tuple | list):
+                raise _wrong_result(self._hand, "hands", type(hands).__name__)
+            return tuple(hands) or HandSkip.NOT_SEEN
         found = self._hand.detect(frame, pose)
         return found if isinstance(found, HandSkip) else (found,)
 
@@ -140,7 +145,26 @@ def _missed(skip: HandSkip) -> HandMissed:
     return HandMissed(KINDS[skip], f"{NO_HAND}: {skip.value}")
 
 
-def _checked(found: HandDetection) -> HandDetection:
-    """What a detector found, if it is a pose with a covariance."""
+def _wrong_result(hand: HandDetector, method: str, found: str) -> AgentError:
+    wanted = "a tuple of HandDetections" if method == "hands" else "a HandDetection"
+    return AgentError(
+        f"The hand's detector {type(hand).__name__} returned {found} from {method}, but must "
+        f"return {wanted} or a HandSkip."
+    )
+
+
+def _checked(found: object, hand: HandDetector) -> HandDetection:
+    """What a detector found, if it is a pose before the camera with a covariance."""
+    if not isinstance(found, HandDetection):
+        kind = type(found).__name__
+        if isinstance(hand, HandsDetector):
+            raise _wrong_result(hand, "hands", f"a tuple with {kind}")
+        raise _wrong_result(hand, "detect", kind)
     pose = checked_pose(found.pose_hand_in_camera)
+    if not pose[2, 3] > 0.0:
+        raise AgentError(
+            f"The hand's detector {type(hand).__name__} found the hand at z = {pose[2, 3]:.3g} m "
+            "in the camera, but a hand that is seen is before the camera: z points forward and is "
+            "positive."
+        )
     return HandDetection(pose, checked_covariance(found.covariance))

@@ -17,6 +17,7 @@ import numpy as np
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import Candidate, TrainedHandDetector
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
+from kengoro.errors import UsageError
 from kengoro.hand_detector.evaluation import PoseDeviation, pose_deviation
 from kengoro.hand_detector.examples import ABSENT, Source
 from kengoro.hand_detector.frames import Frame, FrameMaker, develop
@@ -35,6 +36,9 @@ FALSE = 0.005
 """Share of the frames without a hand in which one may be claimed [1]."""
 LEAST = 0.5
 """Least score from which on a hand is believed [1]."""
+LEAST_HANDS = 30
+"""Believed hands that a calibration needs: of fewer than 21 the quantile of the errors rests on the
+largest one alone, and of 30 it lies below the two largest."""
 
 
 class Calibration(NamedTuple):
@@ -63,6 +67,9 @@ def calibrate(
         path: of the file.
         count: number of frames.
         progress: called with the share that is done.
+
+    Raises:
+        UsageError: fewer than `LEAST_HANDS` hands are found; the file stays as it is.
     """
     model, *networks = read_hand_model(path)
     maker = source.maker(others=True)
@@ -83,6 +90,13 @@ def calibrate(
         error for error, score in zip(errors, scores, strict=True)
         if error is not None and score >= threshold
     ]  # fmt: skip
+    if len(believed) < LEAST_HANDS:
+        raise UsageError(
+            f"In {count} new frames the detector finds {len(believed)} of {len(scores)} visible "
+            f"hands, but the calibration needs {LEAST_HANDS} of them, so no file is written: train "
+            "with more --samples or --frames, or --start from the detector of a similar hand, in "
+            f"another --folder; {path.parent} stays."
+        )
     write_hand_model(path, calibrated(model, threshold, believed), *networks)
     return Calibration(
         float(np.mean(np.array(scores) >= threshold)),
@@ -106,8 +120,6 @@ def _frames(source: Source, maker: FrameMaker, count: int) -> Iterator[Frame]:
 
 def calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation]) -> HandModel:
     """The model with a threshold, and with factors by which the covariances hold the errors."""
-    if not errors:
-        return replace(model, threshold=threshold)
     factors = np.ones(6)
     for part, bound in PARTS:
         far = np.quantile([error.distance(part, factors) for error in errors], QUANTILE)
@@ -122,6 +134,4 @@ def calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation]) 
 
 
 def _spread(values: list[float]) -> tuple[float, float]:
-    if not values:
-        return float("nan"), float("nan")
     return float(np.median(values)), float(np.quantile(values, 0.95))

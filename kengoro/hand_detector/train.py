@@ -76,8 +76,8 @@ def train_detector(
         progress: shows how far it is.
 
     Raises:
-        UsageError: PyTorch's exporter is missing, the folder is of another run, or the training
-            failed.
+        UsageError: PyTorch's exporter is missing, the folder is of another run, the training
+            failed, or the detector finds too few hands for a calibration.
     """
     missing = [name for name in ("onnx", "onnxscript") if find_spec(name) is None]
     if missing:

@@ -49,7 +49,8 @@ def film_and_progress(film: Video | None, progress: ProgressCallback) -> Callabl
 
 @contextmanager
 def stage_bar(robot: str) -> Iterator[ProgressCallback]:
-    """Show a bar with the stage of a trial and its simulated time.
+    """Show a bar with the stage of a trial and its simulated time; a line for each stage where
+    there is no terminal.
 
     Args:
         robot: name of the robot, shown at the left.
@@ -57,6 +58,16 @@ def stage_bar(robot: str) -> Iterator[ProgressCallback]:
     Yields:
         The callback that moves the bar.
     """
+    if not get_console().is_terminal:
+        printed: set[str] = set()
+
+        def line(stage: str, at: float) -> None:
+            if stage and stage not in printed:
+                printed.add(stage)
+                print(f"{robot} {stage}, {at:.0f} s simulated", flush=True)
+
+        yield line
+        return
     columns = (
         TextColumn(f"{robot} {{task.description}}"),
         BarColumn(),

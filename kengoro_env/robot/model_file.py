@@ -32,6 +32,11 @@ def read_spec(path: Path | str, folders: Sequence[Path | str] = ()) -> mujoco.Mj
     """
     path = Path(path)
     if not os.path.isfile(path):  # also for a name that is too long
+        if str(path).lstrip().startswith("<"):
+            raise ModelError(
+                "a model file is given by its path, not by its text, which "
+                "mujoco.MjSpec.from_string reads"
+            )
         raise ModelError(f"no model file at {path}")
     try:
         if not is_asset(path):

@@ -13,13 +13,15 @@ not push (`spring_tension`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import real_numbers
+from kengoro_env.errors import ArgumentError
 from kengoro_env.robot.indexing import Index
 from kengoro_env.types import Floats
 
@@ -36,12 +38,25 @@ class Gains:
         bias: T_bias, the tension that keeps a muscle from going slack [N].
         limit: T_max, the largest tension of a motor [N].
         damping: viscous friction of a motor, seen at the tendon [N s/m].
+
+    Raises:
+        ArgumentError: a value is negative or not finite.
     """
 
     stiffness: float = 30_000.0
     bias: float = 30.0
     limit: float = 500.0
     damping: float = 150.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            array = real_numbers(value)
+            if array is None or not np.all(np.isfinite(array) & (array >= 0.0)):
+                raise ArgumentError(
+                    f"Gains: {field.name} must be a finite number that is not negative, got "
+                    f"{value!r}"
+                )
 
 
 DEFAULT_GAINS = Gains()

@@ -73,6 +73,32 @@ def _zero(model: mujoco.MjModel, muscles: tuple[str, ...]) -> Floats:
     return np.array([model.tendon_length0[model.tendon(muscle).id] for muscle in muscles])
 
 
+@dataclass(frozen=True)
+class SharedModel:
+    """A model that copies share, for a `mujoco.MjSpec` cannot be copied by `copy.deepcopy`.
+
+    Attributes:
+        model: the model.
+    """
+
+    model: object
+
+    @property
+    def spec(self) -> mujoco.MjSpec:
+        """See `HasSpec`."""
+        spec: mujoco.MjSpec = getattr(self.model, "spec", self.model)
+        return spec
+
+    @property
+    def effects(self) -> object:
+        """Effects of an extended model beside its MJCF."""
+        return getattr(self.model, "effects", None)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> SharedModel:
+        """Itself: the model is never edited."""
+        return self
+
+
 class OwnModel:
     """Departure: a model of a user in place of the scene.
 
@@ -133,6 +159,11 @@ class OwnModel:
             if model.joint(joint).type[0] != mujoco.mjtJoint.mjJNT_HINGE:
                 raise ArgumentError(
                     f"the joint {joint!r} of {name} must be a hinge, as in the scene"
+                )
+            if not model.joint(joint).range[0] < model.joint(joint).range[1]:
+                raise ArgumentError(
+                    f"the joint {joint!r} of {name} must have a range, as in the scene: targets "
+                    "are sampled within it"
                 )
         for muscle in nominal.muscles:
             self._check_actuator(muscle, f"the actuator {muscle!r} of {name}")

@@ -18,7 +18,7 @@ import numpy as np
 
 from kengoro_env.departures.camera import EYE
 from kengoro_env.errors import ArgumentError
-from kengoro_env.postures import posture_set
+from kengoro_env.postures import postures_within
 from kengoro_env.robot.fingers import FINGERS
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.tracked_object import ObjectState, TrackedObject
@@ -78,7 +78,7 @@ class CanGrasp:
         sampled = rng.uniform(*CAN_AREA.T)
         position = options.get("can", sampled)
         self._check_on_table(robot, position)
-        postures = posture_set()
+        postures = postures_within(robot.lower, robot.upper)
         self._can = TrackedObject(robot.model, CAN)
         while True:
             posture = options.get("posture", postures[rng.integers(len(postures))])

@@ -5,16 +5,17 @@ from __future__ import annotations
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.tasks.reach import Reach
+from kengoro_env.types import Floats
 
 LARGEST = radians(100.0)
-"""Angles are sampled from 0 to this angle [rad]."""
+"""Angles are sampled from 0 to this angle, as far as the joint's range allows [rad]."""
 
 
-def _sample(rng: np.random.Generator) -> NDArray[np.float64]:
-    return rng.uniform(0.0, LARGEST, 1)
+def _sample(rng: np.random.Generator, lower: Floats, upper: Floats) -> Floats:
+    least, most = np.clip((0.0, LARGEST), lower[0], upper[0])
+    return rng.uniform(least, most, 1)
 
 
 def elbow_task() -> Reach:

@@ -58,5 +58,6 @@ def finite(name: str, value: object, size: int) -> Floats:
     """
     array = real_numbers(value)
     if array is None or array.shape != (size,) or not np.all(np.isfinite(array)):
-        raise ArgumentError(f"{name} must be {size} finite numbers, got {value!r}")
+        numbers = "1 finite number in a list" if size == 1 else f"{size} finite numbers"
+        raise ArgumentError(f"{name} must be {numbers}, got {value!r}")
     return array

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kengoro_env.postures import posture_set
+from kengoro_env.postures import postures_within
 from kengoro_env.tasks.reach import Reach
+from kengoro_env.types import Floats
 
 
-def _sample(rng: np.random.Generator) -> NDArray[np.float64]:
-    postures = posture_set()
+def _sample(rng: np.random.Generator, lower: Floats, upper: Floats) -> Floats:
+    postures = postures_within(lower, upper)
     return postures[rng.integers(len(postures))].copy()
 
 

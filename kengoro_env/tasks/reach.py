@@ -34,7 +34,8 @@ class Reach:
     Args:
         scene: MJCF file below assets/.
         has_camera: whether the scene has the camera in the head.
-        sample: samples a start or target posture (n,) [rad].
+        sample: samples a start or target posture (n,) [rad] within lower and upper joint limits
+            (n,) [rad].
 
     Attributes:
         goal: joint angles to reach now (n,) [rad]; None before the first start.
@@ -51,7 +52,7 @@ class Reach:
         self,
         scene: str,
         has_camera: bool,
-        sample: Callable[[np.random.Generator], Floats],
+        sample: Callable[[np.random.Generator, Floats, Floats], Floats],
     ) -> None:
         self.scene, self.has_camera, self._sample = scene, has_camera, sample
         self.goal: Floats | None = None
@@ -63,9 +64,9 @@ class Reach:
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:
-        """Start with posture and target from the options, or sampled."""
-        start, target = self._sample(rng), self._sample(rng)
-        self._rng = rng
+        """Start with posture and target from the options, or sampled within the joint limits."""
+        self._rng, self._limits = rng, (robot.lower, robot.upper)
+        start, target = self._sampled(), self._sampled()
         self.goal = options.get("target", target).copy()
         self._targets = 1
         self.until = inf if "target" in options else TARGET_PERIOD - INSTANT
@@ -82,9 +83,12 @@ class Reach:
 
     def next_target(self) -> None:
         """Choose a new target."""
-        self.goal = self._sample(self._rng)
+        self.goal = self._sampled()
         self._targets += 1
         self.until = self._targets * TARGET_PERIOD - INSTANT
+
+    def _sampled(self) -> Floats:
+        return self._sample(self._rng, *self._limits)
 
     def write_info(self, info: dict[str, Any], state: ObjectState | None) -> None:
         """Write nothing: this task has no entries of its own."""

@@ -130,7 +130,7 @@ def test_a_can_behind_the_hand_has_a_right_pose_or_none() -> None:
 
 def test_a_can_is_marked_or_seen() -> None:
     for wrong in ("touched", 3):
-        with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
+        with pytest.raises(UsageError, match=r"must be 'marker', 'seen', or the jmm_agent\.Can"):
             make_agent(can=wrong)  # type: ignore[arg-type]
         with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
             make_env("CanGrasp", can=wrong)  # type: ignore[arg-type]

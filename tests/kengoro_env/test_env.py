@@ -129,6 +129,16 @@ def test_time_limits() -> None:
     assert steps == 1000
 
 
+class TensorWithGradient:
+    """Refuses to become an array, as tensors of PyTorch that have a gradient."""
+
+    def __array__(self, dtype: object = None, copy: object = None) -> None:
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad.")
+
+    def __repr__(self) -> str:
+        return "tensor"
+
+
 @pytest.mark.parametrize(
     ("action", "sentence"),
     [
@@ -146,6 +156,13 @@ def test_time_limits() -> None:
         (np.zeros(3, dtype="timedelta64[s]"), "3 real numbers"),
         ([0, np.ma.masked_array([0.0]), 0], "3 real numbers"),
         (np.array([0, 1j, 0], dtype=object), r"3 real numbers.*got a ndarray of object$"),
+        (["0", "0", "0"], r"3 real numbers.*got \['0', '0', '0'\]$"),
+        (np.array(["0", "0", "0"]), "3 real numbers"),
+        (np.zeros(3, dtype=object), "3 real numbers.*got a ndarray of object$"),
+        (np.zeros(3, dtype=bool), "3 real numbers.*got a ndarray of bool$"),
+        ([0.5, True, 0.5], "3 real numbers"),
+        ((0.5, np.True_, 0.5), "3 real numbers"),
+        (TensorWithGradient(), "3 real numbers"),
         ([0, 1.00001, 0], r"entry 1 of the action \(brachialis\) is 1\.00001: "),
         (np.array([0, 0, -1.00001], dtype=np.float32), r"\(triceps\) is -1\.0000"),
     ],
@@ -202,9 +219,11 @@ def test_a_bad_entry_for_the_fingers_is_named() -> None:
     [
         ({"postur": [0.0]}, "unknown option 'postur'; known: posture, target"),
         ({"can": [0.4, 0.0]}, "unknown option 'can'"),
-        ({"posture": [0.0, 0.0]}, "'posture' must be 1 finite numbers"),
-        ({"posture": [np.nan]}, "'posture' must be 1 finite numbers"),
-        ({"target": "up"}, "'target' must be 1 finite numbers"),
+        ({"posture": [0.0, 0.0]}, "'posture' must be 1 finite number in a list"),
+        ({"posture": [np.nan]}, "'posture' must be 1 finite number in a list"),
+        ({"posture": ["0.5"]}, "'posture' must be 1 finite number in a list"),
+        ({"posture": [True]}, "'posture' must be 1 finite number in a list"),
+        ({"target": "up"}, "'target' must be 1 finite number in a list"),
         ({"target": [3.0]}, r"'target' puts elbow at 3.000 rad: it must be within 0.000 and 2.09"),
     ],
 )
@@ -373,6 +392,13 @@ def test_stiffness_at_run_time() -> None:
             env.set_stiffness(bad, 20.0)
     with pytest.raises(KengoroError, match="bias must be at most T_max"):
         env.set_stiffness(1e4, 1e4)
+
+
+@pytest.mark.parametrize("name", ["stiffness", "bias", "limit", "damping"])
+@pytest.mark.parametrize("value", [np.inf, np.nan, -1.0, "30", True, None])
+def test_bad_gains_are_refused(name: str, value: Any) -> None:
+    with pytest.raises(ArgumentError, match=f"^Gains: {name} must be a finite number"):
+        Gains(**{name: value})
 
 
 def test_gains_are_those_after_each_reset() -> None:

@@ -13,6 +13,7 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 import kengoro_env
 from kengoro.study_model import study_model
@@ -20,6 +21,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import ArgumentError, KengoroError
 from kengoro_env.vector import KengoroVectorEnv
+from kengoro_env.wrappers import ScaledObservation
 
 ID = "Kengoro/Elbow-v0"
 SCENE = "mjcf/kengoro_arm/elbow.xml"
@@ -64,6 +66,61 @@ def make_many(count: int, **options: Any) -> KengoroVectorEnv:
     envs = gym.make_vec(ID, count, threads=1, **options)
     assert isinstance(envs, KengoroVectorEnv)
     return envs
+
+
+def limited(nominal: mujoco.MjSpec, low: float, high: float) -> mujoco.MjSpec:
+    """The model with another range of its elbow [deg]."""
+    spec = nominal.copy()
+    spec.joint("elbow").range = [low, high]
+    spec.compile()
+    return spec
+
+
+@pytest.mark.parametrize("limits", [(0.0, 45.0), (30.0, 60.0), (-20.0, 120.0), (105.0, 119.0)])
+def test_starts_and_targets_are_within_the_joint_range_of_a_model(
+    nominal: mujoco.MjSpec, limits: tuple[float, float]
+) -> None:
+    """105 to 119 deg: beyond all angles that are sampled otherwise."""
+    env = make(model=limited(nominal, *limits))
+    check_env(env, skip_render_check=True)
+    scaled = ScaledObservation(env)
+    low, high = np.radians(limits)
+    for seed in range(20):
+        observed, info = scaled.reset(seed=seed)
+        assert low - 1e-9 <= info["joint_angles"][0] <= high + 1e-9
+        assert np.abs(observed[-4]) <= 1.0 + 1e-6  # lengths, target, tensions
+        target = env.task.goal
+        env.reset(options={"target": target, "posture": target})
+    for _ in range(5):
+        env.task.next_target()
+        assert low <= env.task.goal[0] <= high
+
+
+def test_targets_of_each_model_of_a_vector_are_within_its_range(nominal: mujoco.MjSpec) -> None:
+    models = [limited(nominal, 0.0, 45.0), limited(nominal, 60.0, 110.0)]
+    envs = make_many(2, models=models)
+    seen = []
+    for seed in range(20):
+        observed, _ = envs.reset(seed=seed)
+        assert envs.observation_space.contains(observed)
+        seen.append(np.degrees(observed["target"][:, 0]))
+    assert np.max(seen, axis=0)[0] <= 45.0
+    assert np.min(seen, axis=0)[1] >= 60.0
+
+
+def test_targets_of_a_model_with_the_range_of_the_scene_are_those_without_a_model(
+    nominal: mujoco.MjSpec,
+) -> None:
+    targets = [make(**one).reset(seed=5)[0]["target"] for one in ({}, {"model": nominal})]
+    np.testing.assert_array_equal(*targets)
+
+
+def test_a_model_without_a_joint_range_is_refused(nominal: mujoco.MjSpec) -> None:
+    spec = nominal.copy()
+    spec.joint("elbow").limited = mujoco.mjtLimited.mjLIMITED_FALSE
+    spec.joint("elbow").range = [0.0, 0.0]
+    with pytest.raises(ArgumentError, match=r"the joint 'elbow' of model must have a range"):
+        make(model=spec)
 
 
 def test_the_nominal_model_as_a_model_moves_as_without_it(nominal: mujoco.MjSpec) -> None:

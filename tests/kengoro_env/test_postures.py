@@ -7,10 +7,11 @@ from kengoro_env.assets import asset_path
 from kengoro_env.departures import AttachmentDisplacement
 from kengoro_env.departures.presets import actual
 from kengoro_env.names import JOINTS
-from kengoro_env.postures import PostureChecker, least_tension, posture_set
-from kengoro_env.robot.draft import Draft
+from kengoro_env.postures import PostureChecker, least_tension, posture_set, postures_within
+from kengoro_env.robot.draft import Departure, Draft
 from kengoro_env.robot.model_file import load_spec
 from kengoro_env.robot.nominal_model import NominalArm
+from kengoro_env.robot.robot import Robot
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 
@@ -70,3 +71,30 @@ def test_least_tension_of_a_pulley() -> None:
     arms, gravity = np.array([[-0.05], [0.05]]), np.array([-1.0])
     assert least_tension(arms, gravity) == pytest.approx(25.0)
     assert least_tension(arms, gravity, most=20.0) == np.inf
+
+
+@pytest.mark.parametrize("departures", [(), actual(1)])
+def test_all_postures_are_within_the_joint_ranges_of_our_robots(
+    departures: tuple[Departure, ...],
+) -> None:
+    """So that targets are sampled from all of them, in their order."""
+    robot = Robot(asset_path(ARM), departures)
+    assert np.array_equal(postures_within(robot.lower, robot.upper), posture_set())
+
+
+def test_postures_within_a_narrower_range_are_those_of_the_set() -> None:
+    lower, upper = np.full(14, -np.inf), np.full(14, np.inf)
+    elbow = JOINTS.index("elbow")
+    upper[elbow] = np.radians(45.0)
+    found = postures_within(lower, upper)
+    assert 0 < len(found) < len(posture_set())
+    assert found[:, elbow].max() <= upper[elbow]
+    assert len(found) == np.sum(posture_set()[:, elbow] <= upper[elbow])
+
+
+def test_postures_are_moved_to_the_limits_where_none_is_within_them() -> None:
+    lower, upper = np.full(14, 1.0), np.full(14, 1.5)
+    found = postures_within(lower, upper)
+    assert found.shape == posture_set().shape
+    assert found.min() >= 1.0
+    assert found.max() <= 1.5

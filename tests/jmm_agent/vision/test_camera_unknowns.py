@@ -210,6 +210,19 @@ def test_a_pose_that_no_camera_shows_is_not_straightened(depth: float, solid: bo
         np.testing.assert_array_equal(found, pose)
 
 
+@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (0.3, 0.1, 0.0), (0.3, 0.1, -0.5)])
+@pytest.mark.parametrize("solid", [False, True])
+def test_a_pose_that_no_camera_shows_is_moved_by_the_mounting_alone(
+    position: tuple[float, float, float], solid: bool
+) -> None:
+    pose = np.eye(4)
+    pose[:3, 3] = position
+    columns = camera_columns(pose, np.zeros(8), solid)
+    assert np.isfinite(columns).all()
+    np.testing.assert_array_equal(columns[:, 6:], 0.0)
+    np.testing.assert_array_equal(columns[:3, :3], np.eye(3))
+
+
 def test_hands_at_the_border_of_the_view_leave_the_fit_solvable() -> None:
     """The pose, and the believed lens, at which learning from a robot's hand ended."""
     turn, offset = poses(1)[0], np.array([0.409, -0.164, 0.587])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -240,6 +241,11 @@ def test_a_finder_can_be_copied_and_remembers_nothing() -> None:
 
 
 def test_wrong_arguments_are_refused_in_a_sentence() -> None:
+    wrong: Any = "eye"
+    with pytest.raises(AgentError, match=r"A finder of a can needs a Camera, got str\.$"):
+        CanFinder(wrong)
+    with pytest.raises(AgentError, match=r"A finder of a can needs its CanShape, got str\.$"):
+        CanFinder(CAMERA, wrong)
     finder = CanFinder(CAMERA)
     with pytest.raises(AgentError, match="must be a uint8 array of shape"):
         finder.detect(np.zeros((3, 3, 3), np.uint8), up_of(VIEW))
@@ -254,12 +260,17 @@ def test_wrong_arguments_are_refused_in_a_sentence() -> None:
         ({"radius": 0.0}, "both must be positive"),
         ({"height": np.inf}, "both must be positive"),
         ({"rim": 0.06}, "less than half the height"),
-        ({"hue": np.nan}, "the hue must be finite"),
+        ({"hue": np.nan}, "the hue must be from 0 to 360"),
+        ({"hue": 400.0}, "hue is 400.0 deg.*the hue must be from 0 to 360"),
+        ({"hue": -1.0}, "the hue must be from 0 to 360"),
+        ({"radius": "a"}, "CanShape: radius is 'a'; it must be a number"),
+        ({"saturation": None}, "CanShape: saturation is None; it must be a number"),
+        ({"height": True}, "CanShape: height is True; it must be a number"),
         ({"hue_width": 200.0}, "the width between 0 and 180"),
         ({"saturation": 0.0}, "is not found by it"),
     ],
 )
-def test_shapes_of_no_can_are_refused(wrong: dict[str, float], sentence: str) -> None:
+def test_shapes_of_no_can_are_refused(wrong: dict[str, Any], sentence: str) -> None:
     with pytest.raises(AgentError, match=sentence):
         CanShape(**wrong)
 

@@ -20,6 +20,7 @@ from jmm_agent.vision.crop_view import MARGIN, CropView, hand_view
 from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.hand_detector import TrainedHandDetector, pose_of_points
 from jmm_agent.vision.hand_model_file import LARGEST, read_hand_model, write_hand_model
+from jmm_agent.vision.weighted_pnp import PointsPose
 from tests.jmm_agent.vision.hand_files import MODEL, POINTS, write_constant_detector
 
 CAMERA = Camera.from_fovy(640, 480, np.deg2rad(45))
@@ -264,6 +265,23 @@ def test_copies_and_pickles_find_the_same(tmp_path: Path) -> None:
         assert np.array_equal(found.pose_hand_in_camera, first.pose_hand_in_camera)
 
 
+def test_wrong_arguments_are_named_in_one_sentence(tmp_path: Path) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    for camera in ("eye", None):
+        with pytest.raises(AgentError, match=r"^A hand detector needs a Camera, got "):
+            TrainedHandDetector(camera, tmp_path / "hand.zip")  # type: ignore[arg-type]
+    for file in (None, 3):
+        with pytest.raises(AgentError, match=r"^The file of a hand detector is .*must be a path"):
+            TrainedHandDetector(CAMERA, file)  # type: ignore[arg-type]
+    for pose in (np.eye(3), "ahead", [[1.0], [1.0, 2.0]]):
+        with pytest.raises(AgentError, match=r"must be numbers of the shape \(4, 4\), got "):
+            finder.detect(GREY, pose)  # type: ignore[arg-type]
+        with pytest.raises(AgentError, match=r"must be numbers of the shape \(4, 4\), got "):
+            finder.shows(pose)  # type: ignore[arg-type]
+    with pytest.raises(AgentError, match=r"of the shape \(4, 4\), got NoneType"):
+        finder.shows(None)  # type: ignore[arg-type]
+
+
 def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"There is no hand detector .*none.zip: `kengoro hand-"):
         TrainedHandDetector(CAMERA, tmp_path / "none.zip")
@@ -358,6 +376,20 @@ def test_an_expected_pose_that_cannot_be_looked_at_is_left_out(
     assert np.array_equal(
         found[0].detection.pose_hand_in_camera, alone[0].detection.pose_hand_in_camera
     )
+
+
+def test_a_hand_whose_frame_is_not_before_the_camera_has_no_pose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    assert len(finder.candidates(GREY)) == 1
+    behind = straight_hand()
+    behind[2, 3] = -0.01
+    monkeypatch.setattr(
+        "jmm_agent.vision.hand_detector.pose_of_points",
+        lambda *_: PointsPose(behind, 1e-4 * np.eye(6)),
+    )
+    assert finder.candidates(GREY) == []
 
 
 def test_the_same_networks_give_the_same_bytes(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -121,6 +123,8 @@ def test_other_markers_are_searched_only_when_they_are_asked_for(arm: ArmKinemat
         (np.full((4, 4), np.nan), COVARIANCE, "finite"),
         (pose_at(0.0, 0.0, 0.5), -COVARIANCE, "positive definite"),
         (pose_at(0.0, 0.0, 0.5), COVARIANCE[:3, :3], "shape"),
+        (np.eye(4), COVARIANCE, "FixedHand found the hand at z = 0 m .* is before the camera"),
+        (pose_at(0.1, 0.0, -0.5), COVARIANCE, "at z = -0.5 m .* is before the camera"),
     ],
 )
 def test_a_detector_that_returns_no_pose_is_refused(
@@ -129,6 +133,30 @@ def test_a_detector_that_returns_no_pose_is_refused(
     finder = HandShape(FixedHand(HandDetection(pose, covariance)), None, arm, "eye")
     with pytest.raises(AgentError, match=why):
         finder.find(FRAME, Q)
+
+
+class FixedHands(FixedHand):
+    """Returns the same for all frames as all hands in it."""
+
+    def hands(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> Any:
+        return self.outcome
+
+
+@pytest.mark.parametrize(
+    ("kind", "result", "sentence"),
+    [
+        (FixedHand, None, "FixedHand returned NoneType from detect, but must return a HandDet"),
+        (FixedHand, (np.eye(4), COVARIANCE), "returned tuple from detect, but must return a Han"),
+        (FixedHands, None, "FixedHands returned NoneType from hands, but must return a tuple of"),
+        (FixedHands, (None,), "returned a tuple with NoneType from hands, but must return a tuple"),
+        (FixedHands, HandDetection(pose_at(0.0, 0.0, 0.5), COVARIANCE), "HandDetection from hands"),
+    ],
+)
+def test_what_a_detector_returns_is_named_if_it_is_no_detection(
+    arm: ArmKinematics, kind: type[FixedHand], result: Any, sentence: str
+) -> None:
+    with pytest.raises(AgentError, match=sentence):
+        HandShape(kind(result), None, arm, "eye").find(FRAME, Q)
 
 
 def test_a_detector_of_a_frame_that_the_robot_lacks_is_refused(arm: ArmKinematics) -> None:

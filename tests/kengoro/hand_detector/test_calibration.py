@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
+from kengoro.errors import UsageError
 from kengoro.hand_detector.calibration import ELSEWHERE, calibrate, calibrated
 from kengoro.hand_detector.evaluation import PoseDeviation
 from kengoro.hand_detector.examples import Source
@@ -20,6 +21,13 @@ from kengoro_env.assets import asset_path, assets_root
 OURS = Source(asset_path("mjcf/kengoro_arm/can_grasp.xml"), "hand", "eye", ("marker_plate",))
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single hand is enough, so that few frames are."""
+    monkeypatch.setattr("kengoro.hand_detector.calibration.LEAST_HANDS", 1)
+
+
+@pytest.mark.usefixtures("few")
 def test_a_calibration_finds_the_same_factors_whatever_was_in_the_file(tmp_path: Path) -> None:
     model, *networks = read_hand_model(assets_root() / KENGORO)
     found = []
@@ -37,6 +45,16 @@ def test_a_calibration_finds_the_same_factors_whatever_was_in_the_file(tmp_path:
     assert result.claimed <= 0.04
 
 
+def test_a_detector_that_finds_too_few_hands_is_not_calibrated(tmp_path: Path) -> None:
+    """Six frames show at most three hands."""
+    path = tmp_path / "uncalibrated.zip"
+    path.write_bytes((assets_root() / KENGORO).read_bytes())
+    with pytest.raises(UsageError, match=r"^In 6 new frames the detector finds [0-3] of [1-3] vis"):
+        calibrate(OURS, path, 6, lambda _: None)
+    assert path.read_bytes() == (assets_root() / KENGORO).read_bytes()
+
+
+@pytest.mark.usefixtures("few")
 def test_a_calibration_has_frames_with_textures_that_were_not_learned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,11 +10,13 @@ import pytest
 
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import TrainedHandDetector
+from jmm_agent.vision.hand_model_file import read_hand_model
 from kengoro.__main__ import main
 from kengoro.errors import UsageError
 from kengoro.hand_detector import examples
+from kengoro.hand_detector.calibration import calibrate
 from kengoro.hand_detector.examples import Source, chunk_path, make_chunk
-from kengoro.hand_detector.train import Effort, claim, make_examples, train_detector
+from kengoro.hand_detector.train import NETWORKS, Effort, claim, make_examples, train_detector
 from kengoro.hand_weights import KENGORO
 from kengoro.stage_progress import progress_of
 from kengoro_env.assets import assets_root
@@ -139,6 +141,30 @@ def test_a_file_is_there_only_when_it_is_calibrated(
     assert out.read_bytes() == b"earlier one"
 
 
+def test_a_training_that_finds_too_few_hands_writes_no_file_and_keeps_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    networks = dict(zip(NETWORKS, read_hand_model(assets_root() / KENGORO)[1:], strict=True))
+
+    def train(kind: str, samples: int, source: object, folder: Path, *_: object) -> list[object]:
+        (folder / f"{kind}.onnx").write_bytes(networks[kind])
+        return [[64.0, 1.0, 1.1], [128.0, 0.8, 0.9]]
+
+    monkeypatch.setattr("kengoro.hand_detector.train.make_examples", lambda *_: None)
+    monkeypatch.setattr("kengoro.hand_detector.train._train_network", train)
+    monkeypatch.setattr(
+        "kengoro.hand_detector.train.calibrate",
+        lambda source, path, count, progress: calibrate(source, path, 6, progress),
+    )
+    out = tmp_path / "hand.zip"
+    assert main(["hand-detector", "train", str(STRANGER), *OWN, "--out", str(out)]) == 2
+    message = capsys.readouterr().err
+    assert "calibration needs 30 of them, so no file is written: train with more" in message
+    assert "nan" not in message
+    assert not out.exists()
+    assert (tmp_path / "hand.zip.training" / "run.json").exists()
+
+
 @pytest.mark.parametrize("start", [[], ["--start", "none"], ["--start", "kengoro"]])
 def test_a_camera_that_does_not_see_the_hand_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], start: list[str]
@@ -180,6 +206,25 @@ def test_without_a_terminal_each_tenth_of_a_stage_is_a_line(
     assert lines[:2] == ["examples: 0% 0 files", "examples: 10% 10 files"]
     assert lines[-2:] == ["examples: 100% 100 files", "points: 0%"]
     assert len(lines) == 12
+
+
+def test_without_a_terminal_each_text_of_a_stage_that_stands_still_is_a_line_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """As of robots that learn and then grasp: each step of theirs calls with the same text."""
+    with progress_of(("grasps",)) as progress:
+        for robot in (3, 4):
+            for text in ("moves its hand in view", "approach 1", "moves its hand in view"):
+                for _ in range(50):
+                    progress("grasps", (robot - 3) * 0.06, f"robot {robot} {text}")
+            progress("grasps", (robot - 2) * 0.06, f"robot {robot} grasps")
+    assert capsys.readouterr().out.splitlines() == [
+        "grasps: 0% robot 3 moves its hand in view",
+        "grasps: 0% robot 3 approach 1",
+        "grasps: 6% robot 4 moves its hand in view",
+        "grasps: 6% robot 4 approach 1",
+        "grasps: 12% robot 4 grasps",
+    ]
 
 
 def test_a_start_that_is_not_there_is_named_before_anything_is_made(

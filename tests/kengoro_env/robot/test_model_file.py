@@ -42,6 +42,14 @@ def test_joints_and_tendons_without_a_name_get_one(tmp_path: Path) -> None:
     assert (arm.joints, arm.muscles) == (("joint_0",), ("tendon_0", "up"))
 
 
+@pytest.mark.parametrize("kind", [str, Path])
+def test_the_text_of_a_model_given_as_its_path_is_not_repeated(kind: type) -> None:
+    text = f"<mujoco>{'<!-- long -->' * 100}</mujoco>"
+    with pytest.raises(ModelError, match="by its path, not by its text") as caught:
+        load_spec(kind(text))
+    assert len(str(caught.value)) < 200
+
+
 @pytest.mark.parametrize("suffix", ["mjcf", "MJCF", "txt"])
 def test_a_model_of_another_suffix_is_read_with_its_includes(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "parts").mkdir()

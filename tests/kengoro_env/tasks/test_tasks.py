@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import EpisodeError, KengoroError
 from kengoro_env.tasks.can_grasp import FALLEN_TIME, REACH_SCALE, START_DISTANCE
 from tests.kengoro_env.environments import make
 
@@ -61,6 +61,11 @@ def test_the_can_stands_at_the_position_of_the_option() -> None:
         make("Kengoro/Elbow-v0").put_can_back()
     with pytest.raises(KengoroError, match=r"the can cannot stand at \(1, 0\) m: the table rea"):
         env.reset(options={"can": (1.0, 0.0)})
+
+
+def test_before_a_reset_there_is_no_can_to_put_back() -> None:
+    with pytest.raises(EpisodeError, match=r"no can to put back \(none has begun\): call reset"):
+        make("Kengoro/CanGrasp-v0", camera=False).put_can_back()
 
 
 def test_a_can_off_the_table_ends_the_episode() -> None:
