@@ -56,13 +56,21 @@ def install(python: Path, *arguments: str) -> None:
         python: the interpreter.
         arguments: of ``pip install``.
     """
+    error = _install(python, *arguments)
+    if error and _reaches_the_registry(python):
+        pytest.fail(f"cannot install {' '.join(arguments)}: {error}")
+    if error:
+        wanted = " ".join(arguments)
+        pytest.skip(f"the registry of packages cannot be reached for {wanted}: {error}")
+
+
+def _install(python: Path, *arguments: str) -> str:
+    """Install into an environment; the last lines of an error, "" if there is none."""
     command = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
     ended = subprocess.run([*command, *arguments], capture_output=True, text=True)
-    if ended.returncode:
-        error = " ".join(ended.stderr.splitlines()[-3:]) or f"pip ended with {ended.returncode}"
-        if _reaches_the_registry(python):
-            pytest.fail(f"cannot install {' '.join(arguments)}: {error}")
-        pytest.skip(f"the registry of packages cannot be reached: {error}")
+    if not ended.returncode:
+        return ""
+    return " ".join(ended.stderr.splitlines()[-3:]) or f"pip ended with {ended.returncode}"
 
 
 def _reaches_the_registry(python: Path) -> bool:

@@ -38,6 +38,7 @@ def test_there_are_five_and_each_is_shorter_than_60_lines() -> None:
         assert len(script.read_text(encoding="utf-8").splitlines()) < 60, script.name
 
 
+@pytest.mark.slow
 def test_learn_a_body(tmp_path: Path) -> None:
     errors = numbers(r"RMSE_joint ([\d.]+) deg, faults \[\]", run("learn_a_body", tmp_path))
     assert len(errors) == 12
@@ -53,6 +54,7 @@ def test_learn_your_own_robot(tmp_path: Path) -> None:
     assert max(after) < 0.25 < 0.5 < max(before)
 
 
+@pytest.mark.slow
 def test_drive_a_remote_robot(tmp_path: Path) -> None:
     output = run("drive_a_remote_robot", tmp_path)
     errors = numbers(r": ([\d.]+) deg between estimated and observed joint angles", output)

@@ -21,6 +21,7 @@ def maps(request: pytest.FixtureRequest) -> Path:
     return Path(request.config.cache.mkdir("maps"))
 
 
+@pytest.mark.slow
 def test_an_agent_is_guarded_if_asked_for(maps: Path) -> None:
     assert isinstance(make_agent(cache=maps).guard, NullGuard)
     assert isinstance(make_agent(cache=maps, guard=True).guard, Guard)

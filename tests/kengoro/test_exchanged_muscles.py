@@ -87,9 +87,8 @@ def test_exchanged_muscles_are_exchanged_back_and_the_memory_keeps_it(
     later.env.close()
 
 
-@pytest.mark.parametrize(
-    "then", ["repaired", pytest.param("another memory", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("then", ["repaired", "another memory"])
 def test_a_lost_muscle_is_lost_no_more_once_it_is_repaired_or_another_memory_is_loaded(
     then: str, maps: Path, tmp_path: Path
 ) -> None:

@@ -153,7 +153,8 @@ class Remounted(Session):
         )
 
 
-@pytest.mark.parametrize("muscle", [pytest.param("rhomb", marks=pytest.mark.slow), "biceps"])
+@pytest.mark.slow
+@pytest.mark.parametrize("muscle", ["rhomb", "biceps"])
 def test_a_repaired_muscle_is_learned_again_without_fault_or_jump(muscle: str, maps: Path) -> None:
     agent, postures = make_agent(1, guard=True, cache=maps), shuffled_postures(1)
     env = make_env("Posture", 1, max_episode_steps=NO_END)

@@ -75,6 +75,7 @@ def test_every_method_learns_from_the_pairs(world: World) -> None:
         assert np.abs(after).mean() < 0.25 * before, name
 
 
+@pytest.mark.slow
 def test_a_run_repeats_and_its_findings_can_be_written(world: World) -> None:
     result = run(ACTUAL, SEED, SIZES, world.cache)
     nominal = run(NOMINAL, SEED, SIZES, world.cache)

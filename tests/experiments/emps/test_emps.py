@@ -117,6 +117,7 @@ def test_repeatability_is_the_deviation_between_periods() -> None:
     assert repeatability(alone, make_study(alone)) is None
 
 
+@pytest.mark.slow
 def test_the_run_writes_both_diagnoses_and_a_report(
     uneven: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -74,6 +74,7 @@ def test_an_effect_in_the_whole_arm_is_named_with_its_location(tmp_path: Path, i
     assert set(effect.elements) & set(cause.candidate.location.elements)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", ON_ELBOW)
 def test_what_is_hidden_is_named(tmp_path: Path, id: str) -> None:
     # With seed 7 tolerances outweigh the slack, and the RMS of held-out readings surely grows.
@@ -91,6 +92,7 @@ def test_where_nothing_is_hidden_nothing_is_found(tmp_path: Path, seed: int) -> 
     assert not found.causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", OUTSIDE)
 def test_what_has_no_name_is_called_unexplained(tmp_path: Path, id: str) -> None:
     found = sought(tmp_path, Secret((effect_of(id),), 0, "outside"), seed=5)

@@ -76,6 +76,7 @@ def test_the_papers_training_repeats_its_bits(nominal: NominalModel) -> None:
     assert not np.allclose(one, other)
 
 
+@pytest.mark.slow
 def test_the_papers_training_learns(nominal: NominalModel) -> None:
     jmm, reports = train_as_paper(nominal, 0, Share(samples=300, least_steps=2_500))
     errors = evaluate(jmm, nominal, 0)

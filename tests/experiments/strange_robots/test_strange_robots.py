@@ -235,7 +235,9 @@ def test_tables_and_figure_show_all_conditions() -> None:
     assert len(picture.png) > 10_000
 
 
-@pytest.mark.parametrize("condition", [DRIFT, "swapped-commissioned"])
+@pytest.mark.parametrize(
+    "condition", [DRIFT, pytest.param("swapped-commissioned", marks=pytest.mark.slow)]
+)
 def test_a_short_run_learns(condition: str, request: pytest.FixtureRequest) -> None:
     cache = Path(request.config.cache.mkdir("maps"))
     found = run(condition, 0, QUICK, cache)

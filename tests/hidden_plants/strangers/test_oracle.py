@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from hidden_plants.secret import Effect
 from hidden_plants.strangers import Oracle, make_stranger
@@ -26,6 +27,7 @@ def test_a_mass_within_its_mismatch_is_not_seen() -> None:
     assert Oracle(stranger).distance(effect) < THRESHOLD
 
 
+@pytest.mark.slow
 def test_a_real_machine_has_no_physics_step() -> None:
     stranger = make_stranger(418, 2.0)  # stiff servos, which multiply errors of positions
     none = mismatch_at(stranger, np.zeros(mismatch_size(stranger)))

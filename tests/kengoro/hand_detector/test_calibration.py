@@ -27,6 +27,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kengoro.hand_detector.calibration.LEAST_HANDS", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_a_calibration_finds_the_same_factors_whatever_was_in_the_file(tmp_path: Path) -> None:
     model, *networks = read_hand_model(assets_root() / KENGORO)

@@ -25,7 +25,7 @@ def motors(noise: float = 0.0, quantum: float = 0.0, swing: float = 0.0) -> Moto
     return MotorHeat(HeatSpec(MOTORS, 0.0039, 22.0, swing, noise, quantum, 1.0))
 
 
-@pytest.mark.parametrize("step", [0.002, 0.02, 5.0, 300.0])
+@pytest.mark.parametrize("step", [pytest.param(0.002, marks=pytest.mark.slow), 0.02, 5.0, 300.0])
 def test_the_length_of_a_step_does_not_matter(step: float) -> None:
     heat, tensions = motors(), np.array([150.0, 70.0])
     for _ in range(round(300.0 / step)):
