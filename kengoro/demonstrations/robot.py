@@ -87,11 +87,11 @@ def grasps(
         options: durations of the movements; `FIXED_TIMES` if left out.
         add_frame: called with each frame of the camera, at the camera's rate.
     """
-    postures = shuffled_postures(robot or 0)
+    options, postures = options or FIXED_TIMES, shuffled_postures(robot or 0)
     env = Recorder(make_env("CanGrasp", robot), add_frame)
     for seed in seeds:
-        trial = begin_trial(env, agent, seed, postures, options or FIXED_TIMES)
+        trial = begin_trial(env, agent, seed, postures, options)
         with suppress(EpisodeEndedError):
-            trial.approach((options or FIXED_TIMES).arrival)
+            trial.approach(options.arrival)
         yield env.episode
     env.close()

@@ -1,8 +1,8 @@
 """Model of a user for the robot, such as an extended model or a sample of a diagnosis.
 
 It has the joints and muscles of the scene, an actuator on the tendon of each muscle, and what the
-task names beside them, such as a can. With the
-tendon's length L, the command c and the gains of the actuator it pulls by
+task names beside them, such as a can. With the tendon's length L, the command c and the gains of
+the actuator it pulls by
 
     T = -(gain c + bias_0 + bias_1 L), within its range of forces,
 

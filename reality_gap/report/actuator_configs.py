@@ -152,9 +152,11 @@ def _drives(spec: mujoco.MjSpec, lacking: list[str]) -> Iterator[_Drive]:
 def _lost(model: mujoco.MjModel, i: int) -> Iterator[str]:
     """Yield a sentence on each property of a servo that its configuration lacks."""
     name, gear = actuator_name(model, i), float(model.actuator_gear[i, 0])
-    constant = float(model.actuator_biasprm[i, 0])
+    constant, (on_tendon, _, index) = float(model.actuator_biasprm[i, 0]), _element(model, i)
     if constant:
-        yield f"the actuator {name} adds a constant force of {constant:.4g} N or N m"
+        slides = on_tendon or int(model.jnt_type[index]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        unit = "N" if slides else "N m"
+        yield f"the actuator {name} adds a constant force of {constant:.4g} {unit}"
     low, high = model.actuator_forcerange[i]
     if model.actuator_forcelimited[i] and not np.isclose(low, -high):
         yield f"the forces of the actuator {name} are from {low:.4g} to {high:.4g}"

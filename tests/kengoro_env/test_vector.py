@@ -34,6 +34,23 @@ ELONGATES = {
 }
 
 
+def test_each_has_targets_of_its_own_at_their_times() -> None:
+    """Also one that began later."""
+    many: Any = gym.make_vec(ELBOW, 2)
+    one_by_one = gym.make_vec(ELBOW, 2, vectorization_mode="sync")
+    hold, shown = np.zeros(many.action_space.shape, dtype=np.float32), set()
+    for envs in (many, one_by_one):
+        envs.reset(seed=3)
+    for k in range(440):  # 8.8 s
+        if k == 50:
+            for envs in (many, one_by_one):
+                envs.reset(options={"reset_mask": np.array([False, True])})
+        found, expected = (envs.step(hold)[0] for envs in (many, one_by_one))
+        assert same(found, expected)
+        shown.add(found["target"].tobytes())
+    assert len(shown) == 1 + 2 + 2  # the first changes at 4 and 8 s, the second at 1 and 5 s
+
+
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize(
     ("task", "more"),

@@ -63,7 +63,7 @@ def test_friction_with_a_state_becomes_friction_loss_for_mjx(rubbed: mujoco.MjSp
 
     assert model.tendon_frictionloss[model.tendon("flexor").id] == pytest.approx(3.0)
     assert len(found.replaced) == 1
-    assert "coulomb_friction/flexor is friction loss of flexor, 3 N" in found.replaced[0]
+    assert "coulomb_friction/flexor is friction loss of flexor, 3 N, without" in found.replaced[0]
     assert found.lacking == ()
     names = [model.actuator(i).name for i in range(model.nactuator)]
     assert names == ["flexor", "extensor"]
@@ -192,7 +192,7 @@ def test_mjlab_gets_tendons_too(rubbed: mujoco.MjSpec) -> None:
     assert flexor["transmission_type"] == extensor["transmission_type"] == "tendon"
     assert (flexor["stiffness"], flexor["effort_limit"]) == (5000.0, 400.0)
     assert (flexor["frictionloss"], extensor["frictionloss"]) == (pytest.approx(3.0), 0.0)
-    assert "the actuator flexor adds a constant force of -10 N or N m" in found.lacking
+    assert "the actuator flexor adds a constant force of -10 N" in found.lacking
     assert "the forces of the actuator flexor are from -400 to -10" in found.lacking
 
 
@@ -329,3 +329,22 @@ def test_effects_beside_an_extended_model_are_lacking(export: Callable[[object],
     spec = mujoco.MjSpec.from_string(JOINTS)
     alone, beside = export(spec).lacking, export(Extended(spec, (effect,))).lacking
     assert beside == ("backlash at knee is not in the model, but beside it", *alone)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("hinge", "N m"), ("slide", "N")])
+def test_forces_have_the_unit_of_their_joint(kind: str, unit: str) -> None:
+    spec = mujoco.MjSpec.from_string(f"""<mujoco>
+      <worldbody><body><joint name="knee" type="{kind}"/><geom size="0.1"/></body></worldbody>
+      <actuator>
+        <general name="pushed" joint="knee" biastype="affine" gainprm="5" biasprm="2 -5"/>
+      </actuator></mujoco>""")
+    brake = spec.add_actuator(name="brake", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="knee")
+    brake.set_to_dcmotor(
+        motorconst=[0.0, 0.0],
+        resistance=1.0,
+        lugre=[300.0, 1.0, 3.0, 3.0, 0.1],
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    )
+    [sentence] = engine_input(spec, "mjx").replaced
+    assert f"friction loss of knee, 3 {unit}, without" in sentence
+    assert f"the actuator pushed adds a constant force of 2 {unit}" in mjlab_actuators(spec).lacking
