@@ -148,11 +148,18 @@ class NamedCause:
     def foremost(self, most: int = 8) -> tuple[str, ...]:
         """Return the names of the parameters in their order.
 
+        A shape at its null value, which the data did not move, is left out.
+
         Args:
             most: if there are more parameters, so many with the largest deviations from their null
                 values, relative to their scales, are returned, the largest first.
         """
-        known = [p for p in self.candidate.parameters if p.name in self.parameters]
+        known = [
+            p
+            for p in self.candidate.parameters
+            if p.name in self.parameters
+            and not (p.hints.shape and self.parameters[p.name].value == p.null)
+        ]
         if len(known) > most:
             far = {p.name: abs((self.parameters[p.name].value - p.null) / p.scale) for p in known}
             known = sorted(known, key=lambda p: -far[p.name])[:most]

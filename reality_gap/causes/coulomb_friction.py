@@ -64,7 +64,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         low = 0.0 if location.note == BEFORE else -BEYOND * nominal
         hints = SearchHints(secants=elements.secants(system, location, (0.1 * size, 0.4 * size)))
         friction = Parameter("friction", unit, 0.02 * size, tolerance, low, 2.0 * size, hints=hints)
-    return (friction, *lugre.presliding_parameters(system, location))
+    creep = () if location.note == BEFORE else lugre.creep_parameters(system, location)
+    return (friction, *lugre.presliding_parameters(system, location), *creep)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

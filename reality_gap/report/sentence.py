@@ -45,7 +45,7 @@ def _cause(cause: NamedCause) -> str:
         f"[{e.low:.4g}, {e.high:.4g}]"
         for name, e in ((name, rounded(cause, name)) for name in foremost)
     )
-    more = len(cause.parameters) - len(foremost)
+    more = len(cause.foremost(len(cause.parameters))) - len(foremost)
     if more:
         numbers += f" and {more} that are smaller"
     other = (

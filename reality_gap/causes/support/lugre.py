@@ -14,6 +14,10 @@ for control of systems with friction", IEEE Trans. Automatic Control 40 (1995).
 
 If efforts are compared by inverse dynamics, or if a sensor measures the sum of all actuators, an
 actuator cannot represent friction and ``frictionloss`` is used instead.
+
+Friction may also let an element creep instead: below a velocity ``creep`` its force is proportional
+to the velocity. Simulations regularise dry friction in this way, and greased bearings do it too.
+That is ``frictionloss``, whose solver parameters say how fast it creeps.
 """
 
 from __future__ import annotations
@@ -32,6 +36,8 @@ SOLREF = (0.004, 1.0)
 SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Solver parameters of ``frictionloss`` with little creep; MuJoCo's defaults let a tenth of the
 force through at rest."""
+NEARBY_CREEPS = (0.003, 0.03)
+"""Velocities of creep from which fits start, over the typical velocity of an element."""
 STABLE = 0.1
 """Largest stiffness of the bristles, as a multiple of moving mass over squared time step."""
 DAMPED = 1.25
@@ -83,6 +89,24 @@ def presliding_parameters(system: System, location: Location) -> tuple[Parameter
     return (presliding_parameter(system, location),) if is_available(system) else ()
 
 
+def creep_parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    """Return the parameter of the velocity below which an element creeps [m/s or rad/s].
+
+    It is 0 for an element that sticks, and has the bristles of the presliding distance. There is
+    none where no actuator can represent friction.
+    """
+    if not is_available(system):
+        return ()
+    if location.kind == "tendon":
+        unit, speed = "m/s", typical_scales.tendon_travel(system)
+    else:
+        unit = "m/s" if typical_scales.slides(system, location.elements[0]) else "rad/s"
+        speed = typical_scales.joint_speed(system, location)
+    sizes = (NEARBY_CREEPS[-1] * speed, 0.0, 0.0, speed)
+    nearby = tuple(share * speed for share in NEARBY_CREEPS)
+    return (Parameter("creep", unit, *sizes, hints=SearchHints(nearby=nearby, shape=True)),)
+
+
 def has_nominal_friction(system: System, location: Location) -> bool:
     """Return whether the nominal model has dry friction in any of a location's tendons."""
     model = system.model
@@ -112,7 +136,8 @@ def add_friction(
         cause: id of the cause; the names of the new actuators begin with it.
         location: tendons or joints.
         force: friction [N or N m]; a hook can change it during a replay, see `VariableFriction`.
-        values: of the cause; without ``presliding``, the distance is the usual one [m or rad].
+        values: of the cause; without ``presliding``, the distance is the usual one [m or rad], and
+            without ``creep`` the elements stick.
         constant: additional constant force [N or N m]; only where `is_available`.
     """
     on_tendon = location.kind == "tendon"
@@ -122,8 +147,15 @@ def add_friction(
             element.frictionloss = element.frictionloss + force
             element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
         return
-    kind = mujoco.mjtTrn.mjTRN_TENDON if on_tendon else mujoco.mjtTrn.mjTRN_JOINT
     step = float(system.model.opt.timestep)
+    if creep := values.get("creep", 0.0):
+        for name in location.elements:
+            element = spec.tendon(name) if on_tendon else spec.joint(name)
+            _add_creeping(
+                element, force, force / creep * _inverse_mass(system, location, name), step
+            )
+        return
+    kind = mujoco.mjtTrn.mjTRN_TENDON if on_tendon else mujoco.mjtTrn.mjTRN_JOINT
     if "presliding" in values:  # a loaded posterior has no readings for the usual one
         distance = values["presliding"]
     else:
@@ -143,6 +175,36 @@ def add_friction(
             cogging=[constant, 0.0, np.pi / 2 if constant else 0.0],
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
+
+
+def _add_creeping(
+    element: mujoco.MjsJoint | mujoco.MjsTendon, force: float, rate: float, step: float
+) -> None:
+    """Add friction that creeps to that of an element.
+
+    At rest and within its limit, the force of MuJoCo's friction is ``-(a + b v) / R`` for an
+    acceleration ``a`` and a velocity ``v``, with ``b = 2 / (d1 t)`` and ``R = (1 - d0) / (d0 m)``
+    for a time constant ``t``, impedances ``d0`` and ``d1`` and the moving mass or inertia ``m``. In
+    slow motion its slope over ``m`` is thus ``2 d0 / (d1 t (1 - d0))`` (MuJoCo's documentation,
+    Computation, "Solver parameters").
+
+    Args:
+        element: a joint or a tendon.
+        force: friction to add [N or N m].
+        rate: slope of this force with the velocity, over the moving mass or inertia [1/s].
+        step: time step; MuJoCo needs a time constant of two of them [s].
+    """
+    low, high = (float(d) for d in element.solimp_friction[:2])
+    time, damping = (float(x) for x in element.solref_friction)
+    if element.frictionloss > 0.0:
+        rate += low / (1.0 - low) * (2.0 / time if time > 0.0 else -damping) / high
+    element.frictionloss = element.frictionloss + force
+    time = 2.0 * low / (high * (1.0 - low) * rate)
+    if time < 2.0 * step:
+        time = 2.0 * step
+        low = high = 1.0 - 2.0 / (rate * time)
+    element.solref_friction = (time, 1.0)
+    element.solimp_friction = (low, high, *element.solimp_friction[2:])
 
 
 def friction_actuators(system: System, cause: str, location: Location) -> dict[str, str]:

@@ -222,3 +222,52 @@ def test_the_usual_presliding_is_its_null(tmp_path: Path, location: Location) ->
 
     assert found.low < found.null < found.high
     assert found.unit == "m"  # the rail is straight
+
+
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
+@pytest.mark.parametrize("creep", [0.002, 0.05])
+def test_friction_that_creeps_is_proportional_to_a_low_velocity(
+    tmp_path: Path, location: Location, creep: float
+) -> None:
+    system = cart_system(tmp_path)
+    spec = system.study.spec()
+    spec.joint("rail").frictionloss = 0.0
+    lugre.add_friction(spec, system, "rub", location, LEVEL, {"creep": creep})
+
+    found = pull(spec.compile(), np.full(4000, 0.5 * LEVEL))
+
+    speed = (found[-1] - found[-1001]) / (1000 * 0.002)
+    assert speed * (LEVEL / creep + DAMPING) == pytest.approx(0.5 * LEVEL, rel=0.02)
+
+
+def test_friction_that_creeps_is_limited(tmp_path: Path) -> None:
+    system = cart_system(tmp_path)
+    spec = system.study.spec()
+    spec.joint("rail").frictionloss = 0.0
+    lugre.add_friction(spec, system, "rub", ON_RAIL, LEVEL, {"creep": 0.01})
+
+    found = pull(spec.compile(), np.full(1500, 2.5 * LEVEL))
+
+    speed = (found[-1] - found[-2]) / 0.002
+    assert speed == pytest.approx(1.5 * LEVEL / DAMPING, rel=0.01)
+
+
+def test_friction_loss_that_a_model_has_goes_on_creeping(tmp_path: Path) -> None:
+    """What is added creeps like the model's own, so that both are one larger friction loss."""
+    system, load = cart_system(tmp_path), ramp(0.0, 1.8 * LEVEL, -1.2 * LEVEL)
+    inverse, (low, high) = float(system.model.dof_invweight0[0]), (0.9, 0.95)  # MuJoCo's defaults
+    rate = 2.0 / (high * 0.02) * low / (1.0 - low)
+
+    def rubbing(own: float, added: float) -> mujoco.MjModel:
+        spec = system.study.spec()
+        spec.joint("rail").frictionloss = own
+        if added:
+            # Of two frictions that creep as fast under their own limits, the slopes add up.
+            values = {"creep": added * inverse / rate * own / added}
+            lugre.add_friction(spec, system, "rub", ON_RAIL, added, values)
+        return spec.compile()
+
+    one, two = rubbing(LEVEL, 0.0), rubbing(0.5 * LEVEL, 0.5 * LEVEL)
+    assert two.dof_frictionloss == pytest.approx(one.dof_frictionloss)
+    assert np.ptp(pull(one, load)) > 0.0
+    assert pull(two, load)[-1] != pull(rubbing(0.5 * LEVEL, 0.0), load)[-1]

@@ -77,7 +77,8 @@ def advised(
 
 
 def test_the_absence_of_a_cause_is_an_alternative_to_it(lever_study: Study) -> None:
-    advice = advised(lever_study, "coulomb_friction", {"friction": 3.0, "presliding": 1e-5})
+    values = {"friction": 3.0, "presliding": 1e-5, "creep": 0.0}
+    advice = advised(lever_study, "coulomb_friction", values)
 
     assert advice is not None
     assert "shows whether coulomb_friction at flexor is there" in advice.sentence
@@ -86,12 +87,12 @@ def test_the_absence_of_a_cause_is_an_alternative_to_it(lever_study: Study) -> N
 
 
 def test_whether_there_is_a_name_is_not_worth_an_experiment(lever_study: Study) -> None:
-    values = {"friction": 3.0, "presliding": 1e-5}
+    values = {"friction": 3.0, "presliding": 1e-5, "creep": 0.0}
     assert advised(lever_study, "coulomb_friction", values, unmodelled=0.4) is None
 
 
 def test_candidates_that_are_not_replayed_count(lever_study: Study) -> None:
-    values = {"friction": 3.0, "presliding": 1e-5}
+    values = {"friction": 3.0, "presliding": 1e-5, "creep": 0.0}
     with Replayer(lever_study) as replayer:
         problem = problem_of(replayer)
         one, null = one_cause(problem, "coulomb_friction", values), problem.null_residual
@@ -106,7 +107,8 @@ def test_candidates_that_are_not_replayed_count(lever_study: Study) -> None:
 
 
 def test_a_cause_with_hardly_any_effect_is_not_worth_an_experiment(lever_study: Study) -> None:
-    assert advised(lever_study, "coulomb_friction", {"friction": 1e-4, "presliding": 1e-5}) is None
+    values = {"friction": 1e-4, "presliding": 1e-5, "creep": 0.0}
+    assert advised(lever_study, "coulomb_friction", values) is None
 
 
 def test_a_cause_on_which_both_logs_agree_is_not_worth_an_experiment(lever_study: Study) -> None:

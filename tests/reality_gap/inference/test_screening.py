@@ -60,12 +60,13 @@ def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study:
     screening = Screening(lever_study, "coulomb_friction")
 
     slopes = [s for s in screening.found if "presliding" in s.names]
-    assert all(s.names == ("friction", "presliding") for s in slopes)
+    shapes = {"presliding", "creep"}
+    assert all(s.names[0] == "friction" and set(s.names[1:]) <= shapes for s in slopes)
     assert len({s.candidate for s in screening.found}) == len(slopes)
     assert screening.replays == len(screening.found)
     for sensitivity in slopes:
         assert np.linalg.norm(sensitivity.columns[:, 0]) > 0
-        np.testing.assert_array_equal(sensitivity.columns[:, 1], 0.0)
+        np.testing.assert_array_equal(sensitivity.columns[:, 1:], 0.0)
 
 
 def test_usual_effects_may_deviate_in_all_tendons_at_once(
