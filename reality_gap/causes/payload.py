@@ -1,7 +1,8 @@
 """Payload: an additional mass at an end of the machine.
 
-It is a small ball at a site of the last link that is not part of a tendon's path, such as a grip,
-or else at the centre of mass of the heaviest body of the link.
+It is a small ball at a site of the last link that is not part of a tendon's path, such as a grip.
+Without such a site it is on the line from the centre of mass of the heaviest body of the link to
+the far end of the link, if these are apart: ``along`` is 0 at the one and 1 at the other.
 """
 
 from __future__ import annotations
@@ -9,14 +10,18 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import links, machine_size, typical_scales
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
+from reality_gap.causes.support import links, machine_size, surfaces, typical_scales
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 RADIUS = 0.03
 """Radius of the ball over the size of the largest link; it determines the ball's inertia only."""
 
+BEYOND = 1.5
+"""Largest position of a payload on its line."""
+APART = 0.2
+"""Least distance of the far end from the centre of mass, over that from the begin of the link."""
 _WRAP = mujoco.mjtWrap
 
 
@@ -60,24 +65,46 @@ def _reads_site(model: mujoco.MjModel, sensor: str) -> bool:
     return int(model.sensor(sensor).objtype[0]) == int(mujoco.mjtObj.mjOBJ_SITE)
 
 
-def _point(system: System, location: Location) -> Floats:
+def _point(system: System, location: Location, values: Values) -> Floats:
     """Return the position of the payload in the frame of its body, shape (3,) [m]."""
     if location.note:
         return system.model.site(location.note.removeprefix("at ")).pos
-    return system.model.body(location.elements[0]).ipos
+    centre, end = system.model.body(location.elements[0]).ipos, _far_end(system, location)
+    return centre if end is None else centre + values["along"] * (end - centre)
+
+
+def _far_end(system: System, location: Location) -> Floats | None:
+    """Return the far end of the link of a body in the body's frame, shape (3,) [m].
+
+    None if the centre of mass of the body is near it.
+    """
+    model, data = system.model, mujoco.MjData(system.model)
+    mujoco.mj_kinematics(model, data)
+    index = model.body(location.elements[0]).id
+    begin, turned = data.xpos[model.body_weldid[index]], data.xmat[index].reshape(3, 3)
+    end = surfaces.far_point(model, data, int(model.body_weldid[index]), begin)
+    if end is None:
+        return None
+    local = turned.T @ (end - data.xpos[index])
+    far = float(np.linalg.norm(local - model.body_ipos[index]))
+    return local if far > APART * float(np.linalg.norm(end - begin)) else None
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     force = typical_scales.end_force(system, location.elements[0])
     size = force / machine_size.weight(system.model, 1.0)
-    return (Parameter("mass", "kg", 0.03 * size, 0.0003 * size, 0.0, 6 * size),)
+    mass = Parameter("mass", "kg", 0.03 * size, 0.0003 * size, 0.0, 6 * size)
+    if location.note or _far_end(system, location) is None:
+        return (mass,)
+    hints = SearchHints(shape=True)
+    return mass, Parameter("along", "1", 0.2, 0.0, 0.0, BEYOND, null=1.0, hints=hints)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if not values["mass"]:
         return
     holder = spec.body(location.elements[0])
-    ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, location))
+    ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, location, values))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
     radius = RADIUS * typical_scales.link_size(system)
     ball.inertia = np.full(3, 0.4 * values["mass"] * radius**2)

@@ -130,7 +130,8 @@ def _trials(problem: Problem, own: Sequence[Sensitivity]) -> list[_Trial]:
     tried: list[tuple[Motion, Part | None]] = [(motion, None) for motion in plain]
     for payload in list_candidates(problem.system, [CATALOGUE[PAYLOAD]])[:1]:
         mass = MASS * payload.parameters[0].scale
-        tried.append((plain[-1], (payload, {payload.parameters[0].name: mass})))
+        values = payload.null_values() | {payload.parameters[0].name: mass}
+        tried.append((plain[-1], (payload, values)))
     parameters = [one.candidate.parameter(name) for one in own for name in one.names]
     tolerated = np.array([p.tolerance / abs(TYPICAL_FAULTS * p.scale) for p in parameters])
     found = []
@@ -174,7 +175,8 @@ def _beside(mass: Part | None, part: Part) -> Hypothesis:
         return [part]
     if not mass[0].matches(part[0]):
         return [mass, part]
-    return [(part[0], {name: value + mass[1][name] for name, value in part[1].items()})]
+    name = part[0].parameters[0].name
+    return [(part[0], {**part[1], name: part[1][name] + mass[1][name]})]
 
 
 def _remedy(
@@ -193,7 +195,7 @@ def _remedy(
     motion, mass, _, _ = trials[best]
     weight, body = 0.0, ""
     if mass is not None:
-        (weight,), body = mass[1].values(), str(mass[0].location)
+        weight, body = mass[1][mass[0].parameters[0].name], str(mass[0].location)
     return Remedy(motion.title, SECONDS, weight, body, shown[best])
 
 

@@ -222,6 +222,46 @@ def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System)
     assert data.body("payload_of_hand").xipos == pytest.approx(data.site("grip").xpos)
 
 
+END = """<mujoco><worldbody><body name="arm" pos="0 0 1">
+<joint name="swing" axis="0 1 0"/>{geom}</body></worldbody>
+<sensor><jointpos name="angle" joint="swing"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("geom", "centre", "end"),
+    [
+        ('<geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.01"/>', 0.2, 0.41),
+        ('<geom type="cylinder" fromto="0 0 0 0.4 0 0" size="0.01"/>', 0.2, 0.4),
+        ('<geom type="box" pos="0.2 0 0" size="0.2 0.02 0.03"/>', 0.2, 0.4),
+        ('<geom type="ellipsoid" pos="0.1 0 0" size="0.3 0.01 0.01"/>', 0.1, 0.4),
+        (
+            '<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.01" mass="1"/>'
+            '<geom type="sphere" pos="0.3 0 0" size="0.05" mass="0"/>',
+            0.15,
+            0.35,
+        ),
+    ],
+)
+def test_without_a_site_a_payload_is_on_the_line_to_the_far_end(
+    tmp_path: Path, geom: str, centre: float, end: float
+) -> None:
+    (tmp_path / "arm.xml").write_text(END.format(geom=geom))
+    system = system_of(tmp_path / "arm.xml")
+    [location] = find_cause("payload").locations(system)
+    for along in (0.0, 0.5, 1.0, 1.2):
+        model = plant_with(system, "payload", location, mass=0.1, along=along).spec.compile()
+        ball = model.body("payload_of_arm").pos
+        assert ball == pytest.approx([centre + along * (end - centre), 0, 0], abs=1e-6)
+
+
+def test_a_payload_of_a_ball_is_at_its_centre(tmp_path: Path) -> None:
+    ball = '<geom type="sphere" pos="0.3 0 0" size="0.02"/>'
+    (tmp_path / "arm.xml").write_text(END.format(geom=ball))
+    system = system_of(tmp_path / "arm.xml")
+    [location] = find_cause("payload").locations(system)
+    assert [p.name for p in find_cause("payload").parameters(system, location)] == ["mass"]
+
+
 def test_a_tilt_turns_gravity_and_keeps_its_size(crane: System) -> None:
     location = only(crane, "gravity_direction")
     model = plant_with(crane, "gravity_direction", location, about_x=0.1).spec.compile()
