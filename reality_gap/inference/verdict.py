@@ -25,6 +25,8 @@ REFUTING = ("learned_instead", "report_rms", "learned_of_event")
 ABOUT = 1.1
 """Factor within which the RMS on the report split counts as equal: large tolerances explain a part
 of the error of the nominal model, too."""
+WHOLE = 0.8
+"""Share of an event's evidence that may be learned without its time if the event explains all."""
 LEARNED = "explains less than errors learned from the motion do"
 WORSE = "predicts the readings that were not used to find it worse than the model alone"
 EVENT = "is an event, although the error comes back with the motion"
@@ -47,7 +49,8 @@ class Options:
             their remainder.
         better: evidence by which a learned residual must exceed that of the causes to refute
             them [nats].
-        by_chance: share of an event's evidence that may be learned without its time.
+        by_chance: share of an event's evidence that may be learned without its time; more if the
+            event leaves nothing but noise.
         worse: RMS on the report split, without what tolerances explain but with what their
             deviations cost, that named causes may leave even if it was lower without them [noise].
         left: RMS on the report split, without what tolerances explain, above which the causes are
@@ -183,7 +186,9 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
     ]
     # A hard stop that the machine touches in each episode looks like an event.
     if all(candidate.cause.event for candidate in best.candidates):
-        found.append(_at_most("learned_of_event", instead, options.by_chance * named, EVENT))
+        whole = remainder.after <= ABOUT * form and learned <= 0.0
+        share = max(options.by_chance, WHOLE) if whole else options.by_chance
+        found.append(_at_most("learned_of_event", instead, share * named, EVENT))
     return (
         *found,
         _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),

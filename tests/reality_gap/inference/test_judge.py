@@ -1,0 +1,56 @@
+"""Events beside what can be learned without their time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from reality_gap.diagnosis import Verdict
+from reality_gap.inference.verdict import Options, decide, judge
+
+EVIDENCE = 1000.0
+
+
+def verdict(share: float, left: float, learned: float = 0.0, event: bool = True) -> Verdict:
+    """Verdict on one cause.
+
+    Args:
+        share: of its evidence that can be learned without its time.
+        left: RMS that it leaves [noise].
+        learned: what can be learned of that [nats].
+        event: whether it comes from outside at its own time.
+    """
+    candidate = SimpleNamespace(cause=SimpleNamespace(event=event))
+    best = SimpleNamespace(is_null=False, evidence=EVIDENCE, candidates=(candidate,))
+    problem = SimpleNamespace(roughness=1.0)
+    paying: Any = SimpleNamespace(result=SimpleNamespace(best=best, problem=problem, stop=None))
+    remainder: Any = SimpleNamespace(
+        instead=SimpleNamespace(evidence=share * EVIDENCE),
+        learned=SimpleNamespace(evidence=learned),
+        fits=(10.0, left),
+        after=left,
+        explained=0.0,
+        of_step=0.0,
+    )
+    return decide(paying, judge(paying, remainder, Options()))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.75])
+def test_a_push_that_explains_all_is_named_though_much_can_be_learned(share: float) -> None:
+    assert verdict(share, left=1.0) is Verdict.NAMED
+
+
+@pytest.mark.parametrize(("left", "learned"), [(1.4, 0.0), (1.0, 5.0)])
+def test_an_error_that_comes_back_with_the_motion_is_no_event(left: float, learned: float) -> None:
+    assert verdict(0.6, left, learned) is Verdict.UNEXPLAINED
+    assert verdict(0.4, left, learned) is Verdict.NAMED
+
+
+def test_nearly_all_that_an_event_explains_is_not_an_event() -> None:
+    assert verdict(0.9, left=1.0) is Verdict.UNEXPLAINED
+
+
+def test_other_causes_may_depend_on_the_motion() -> None:
+    assert verdict(0.9, left=1.0, event=False) is Verdict.NAMED
