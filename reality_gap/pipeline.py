@@ -28,6 +28,7 @@ from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.log_candidates import in_each_log
 from reality_gap.inference.outcome import Outcome, groups_outcome
+from reality_gap.inference.own_step import has_own_step
 from reality_gap.inference.paying import Paying
 from reality_gap.inference.posteriors import tolerance_branch
 from reality_gap.inference.remainder import Remainder
@@ -112,7 +113,7 @@ def diagnose(
             outcome = run.search(groups, watch, work)
         else:
             outcome = groups_outcome(replayer, null, groups, options.left)
-        diagnosis = _build(replayer, null, outcome, begin)
+        diagnosis = _build(replayer, run.null_residual, outcome, begin)
     progress(1.0, "done")
     return diagnosis
 
@@ -134,13 +135,14 @@ class _Screened:
     not_judged: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Run:
     """One diagnosis.
 
     Attributes:
         replayer: replays of the study.
-        null_residual: residual of the nominal model in units of sensor noise, shape (n,).
+        null_residual: residual of the nominal model in units of sensor noise, shape (n,); it
+            changes if the log turns out to have the model's own time step.
         causes: causes to consider.
         options: thresholds, for a log of this length.
         progress: called with the completed share and with what is being done.
@@ -163,10 +165,11 @@ class _Run:
 
     def search(self, groups: GroupFit | None, watch: Watch, work: Path | None) -> Outcome:
         """Search for single causes; return the outcome of groups where these are much better."""
-        replayer, null, options = self.replayer, self.null_residual, self.options
+        replayer, options = self.replayer, self.options
         screened = self._screen(work)
-        watch(replayer, null, screened.sensitivities)
+        watch(replayer, self.null_residual, screened.sensitivities)
         paying, remainder = self._search(screened)
+        null = self.null_residual
         after = paying.attempt.residual
         if power(replayer.measured, null) < options.many**2:
             groups = self.fit_groups(after, options.large, 0.9)
@@ -211,6 +214,11 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
+        if result.stop is None and has_own_step(result):
+            replayer.own_step = True
+            self.null_residual = null = replayer.residual([])
+            columns = tolerance_columns(replayer, tolerances, null)
+            result = self._search_with(columns, null, screened, result.singles)
         if result.stop is None and not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
             likeliest = self._expand(tolerances, columns, result.best)

@@ -49,6 +49,7 @@ from typing import Literal, Protocol
 
 import mujoco
 
+from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -200,6 +201,17 @@ class ReadingEffect(Protocol):
         """Edit ``record.sensors`` in place."""
 
 
+class StartEffect(Protocol):
+    """Effect on the states in which joints begin, where their own readings show these."""
+
+    def __call__(self, states: dict[str, ReadState]) -> None:
+        """Replace the states that were read by the true ones, in place.
+
+        Args:
+            states: by joint.
+        """
+
+
 class MotionEffect(Protocol):
     """Effect on the measured motion along which efforts are computed by inverse dynamics."""
 
@@ -255,6 +267,7 @@ class Effects:
         commands: applied to the commands of an episode, in order.
         hooks: called before physics steps.
         readings: applied to the record of an episode, in order.
+        starts: applied in reverse order to the states in which an episode begins.
         motions: applied in order to the measured motion, where efforts are computed.
         efforts: applied in order to computed efforts; these have no other readings.
     """
@@ -262,6 +275,7 @@ class Effects:
     commands: list[Command] = field(default_factory=list)
     hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
+    starts: list[StartEffect] = field(default_factory=list)
     motions: list[MotionEffect] = field(default_factory=list)
     efforts: list[EffortEffect] = field(default_factory=list)
 

@@ -13,6 +13,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import encoders, servos
+from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -56,7 +57,14 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         for sensor in speeds:
             record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
 
+    def start(states: dict[str, ReadState]) -> None:
+        read, factor = states.get(encoder.element), 1.0 + values["scale"]
+        if read is not None and factor:
+            position = about + (read.position - about) / factor
+            states[encoder.element] = read._replace(position=position, speed=read.speed / factor)
+
     effects.readings.append(stretch)
+    effects.starts.append(start)
 
 
 def _shrink(

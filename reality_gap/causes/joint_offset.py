@@ -22,6 +22,7 @@ from reality_gap.causes.support import (
     machine_size,
     servos,
 )
+from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -99,7 +100,14 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             for sensor in encoder.sensors:
                 record.sensors[:, record.column(sensor)] += error
 
+    def start(states: dict[str, ReadState]) -> None:
+        for encoder, error in errors:
+            if encoder.kind == "joint" and encoder.sensors and encoder.element in states:
+                read = states[encoder.element]
+                states[encoder.element] = read._replace(position=read.position - error)
+
     effects.readings.append(shift)
+    effects.starts.append(start)
 
 
 def _move(

@@ -76,7 +76,8 @@ def digest(study: Study, candidates: Sequence[Candidate]) -> str:
     found.update(buffer.tobytes())
     found.update(repr((study.channels, study.initial)).encode())
     for episode in study.episodes:
-        found.update(repr((episode.name, sorted(episode.joints.items()))).encode())
+        begin = sorted(episode.joints.items()), sorted(episode.states.items())
+        found.update(repr((episode.name, *begin)).encode())
         for array in (episode.time, episode.command):
             found.update(np.ascontiguousarray(array).tobytes())
         for reading in episode.readings:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from reality_gap.causes.base import Parameter
 from reality_gap.inference.screening import STEP, Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import ReadState, Study
 from reality_gap.types import Floats
 
 DRIFT_TOLERANCE = 0.2
@@ -20,6 +22,11 @@ LARGE = 10.0
 """Norm of a tolerance's column from which on it is replayed exactly [noise]."""
 MANY = 5.0
 """Step of a column, in tolerances, from which on it hardly tells the effect of one tolerance."""
+START_SEEN = 0.3
+"""Norm of the effect of an initial state up to which it does not matter [noise]."""
+BEFORE, UNKNOWN = 0.01, 0.1
+"""Errors of the position [s] and of the velocity of a joint that moves as a log begins, over its
+velocity: what was commanded before is not known, and machines with a delay still follow that."""
 SEEN = 1.0
 """Norm of the error of a column up to which it does not matter [noise]."""
 
@@ -106,4 +113,54 @@ def tolerance_columns(
         if np.all(np.isfinite(residual))
     ]
     seen = [error for error in errors if np.linalg.norm(error) > SEEN]
-    return np.column_stack([*(one.column for one in tolerances), *seen, *drifts])
+    starts = start_columns(replayer)
+    return np.column_stack([*(one.column for one in tolerances), *seen, *drifts, *starts])
+
+
+def start_columns(replayer: Replayer) -> list[Floats]:
+    """Return the change of the readings by each error of an initial state, shape (n,) each.
+
+    Each joint whose readings show where an episode begins has an error of its position and one of
+    its velocity in each episode. Those without an effect are left out.
+    """
+    study, measured = replayer.system.study, replayer.measured
+    if study.inverse:
+        return []
+    joints = dict.fromkeys(joint for episode in study.episodes for joint in episode.states)
+    columns = []
+    for joint in joints:
+        for moved in (_displaced(study, joint), _pushed(study, joint)):
+            change = replayer.change_of_start(moved) / measured.noise
+            for e in range(len(study.episodes)):
+                own = np.where(measured.episode == e, change, 0.0)
+                if np.linalg.norm(own) > START_SEEN:
+                    columns.append(own)
+    return columns
+
+
+def _displaced(study: Study, joint: str) -> Study:
+    """Return a study that begins with a joint displaced by the error of its position."""
+
+    def change(state: ReadState) -> ReadState:
+        error = float(np.hypot(state.position_error, BEFORE * abs(state.speed)))
+        return state._replace(position=state.position + error)
+
+    return _begun(study, joint, change)
+
+
+def _pushed(study: Study, joint: str) -> Study:
+    """Return a study that begins with a joint faster by the error of its velocity."""
+
+    def change(state: ReadState) -> ReadState:
+        error = float(np.hypot(state.speed_error, UNKNOWN * abs(state.speed)))
+        return state._replace(speed=state.speed + error)
+
+    return _begun(study, joint, change)
+
+
+def _begun(study: Study, joint: str, change: Callable[[ReadState], ReadState]) -> Study:
+    episodes = tuple(
+        replace(e, states={**e.states, joint: change(e.states[joint])}) if joint in e.states else e
+        for e in study.episodes
+    )
+    return replace(study, episodes=episodes)

@@ -16,6 +16,7 @@ from reality_gap.io.quaternions import continuous
 from reality_gap.io.schema import Line, StudyFile, read_study_file
 from reality_gap.io.validation import actuator_names, check_against_model, measured_joints
 from reality_gap.study.data import Channel, Episode, Initial, Study, load_untrusted_spec
+from reality_gap.study.first_readings import with_read_states
 
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """Names of a sensor's components, by their number; for other numbers 0, 1, ..."""
@@ -44,10 +45,10 @@ def load_study(path: Path | str) -> Study:
     check_against_model(file, model)
     channels = _channels(file)
     episodes = _episodes(file, model)
-    if file.joints is None:
-        episodes = _start_at_first_readings(file, model, channels, episodes)
     initial = Initial(file.joints or {}, file.settle)
     study = Study(file.name, file.model, channels, episodes, initial, file.absolute_encoders)
+    if file.joints is None:
+        study = _start_at_first_readings(file, model, study)
     _check_constant_sensors(file, study)
     _check_steps(file, study, model)
     fault = wrong_unit(study)
@@ -103,27 +104,16 @@ def _with_quaternions(file: StudyFile, model: mujoco.MjModel, episode: Episode) 
     return replace(episode, readings=tuple(readings))
 
 
-def _start_at_first_readings(
-    file: StudyFile,
-    model: mujoco.MjModel,
-    channels: tuple[Channel, ...],
-    episodes: tuple[Episode, ...],
-) -> tuple[Episode, ...]:
+def _start_at_first_readings(file: StudyFile, model: mujoco.MjModel, study: Study) -> Study:
     joints = measured_joints(file, model)
-    started = []
-    for episode in episodes:
-        first = {}
-        for channel, reading in zip(channels, episode.readings, strict=True):
-            if channel.kind == "effort" or channel.sensor not in joints:
-                continue
-            if not len(reading.time):
+    for episode in study.episodes:
+        for channel, reading in zip(study.channels, episode.readings, strict=True):
+            if channel.kind != "effort" and channel.sensor in joints and not len(reading.time):
                 raise StudyError(
                     f"{file.path}: initial.joints is first_reading, but episode {episode.name} "
                     f"has no reading of {channel.name}"
                 )
-            first[joints[channel.sensor]] = float(reading.value[0])
-        started.append(replace(episode, joints=first | dict(episode.joints)))
-    return tuple(started)
+    return with_read_states(study, joints)
 
 
 def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:

@@ -53,12 +53,14 @@ class Task:
         start: time of the study at which the episode begins [s].
         command: command at each physics step, shape (k, nu).
         joints: positions of joints before settling [m or rad].
+        speeds: their velocities [m/s or rad/s]; 0 for joints that are not there.
         settle: how long the first command is held before the episode begins [s].
     """
 
     start: float
     command: Floats
     joints: Mapping[str, float]
+    speeds: Mapping[str, float]
     settle: float
 
 
@@ -80,6 +82,8 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) 
     step = model.opt.timestep
     for name, position in task.joints.items():
         data.qpos[model.joint(name).qposadr[0]] = position
+    for name, speed in task.speeds.items():
+        data.qvel[model.joint(name).dofadr[0]] = speed
     for i in range(model.nactuator):
         if model.actuator_actnum[i] == 1 and model.actuator_ctrlnum[i] == 1:
             data.act[model.actuator_actadr[i]] = task.command[0, model.actuator_ctrladr[i]]

@@ -142,12 +142,19 @@ def _simulate(
     command = _commands(episode, rows, model.opt.timestep)
     for effect in plant.effects.commands:
         command = effect(model, time, command)
+    states = dict(episode.states)
+    for begin in reversed(plant.effects.starts):
+        begin(states)
     initial = study.initial
-    task = Task(start, command, {**initial.joints, **episode.joints}, initial.settle)
+    read = {joint: state.position for joint, state in states.items()}
+    speeds = {joint: 0.0 if initial.settle else state.speed for joint, state in states.items()}
+    task = Task(
+        start, command, {**initial.joints, **episode.joints, **read}, speeds, initial.settle
+    )
     hooks = [h for h in plant.effects.hooks if h.start < time[-1] and h.end > start]
     if cache is None or hooks:
         return simulate(model, task, hooks)
-    key = (plant.edits, model.opt.timestep, start, command.tobytes())
+    key = (plant.edits, model.opt.timestep, start, command.tobytes(), tuple(states.items()))
     return cache.get(key, lambda: simulate(model, task, hooks))
 
 

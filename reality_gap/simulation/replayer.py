@@ -22,6 +22,7 @@ from reality_gap.simulation.episode import silence
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build, in_log
 from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
 from reality_gap.simulation.light_model import light_spec, without_distant_meshes
+from reality_gap.simulation.likelier_start import with_likelier_start
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured, with_estimated_noise
@@ -66,6 +67,8 @@ class Replayer:
         measured: all readings of the study.
         tick: called after each replay.
         expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
+        own_step: whether the log has the model's own time step, as a simulated one may, so that
+            predictions are not extrapolated to finer steps.
     """
 
     def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
@@ -74,10 +77,11 @@ class Replayer:
         self.measured: Measured = measured(study)
         self.tick = tick
         self.expansion = Expansion()
+        self.own_step = False
         self._cache = RecordCache()
         self._coarse: bool | None = None
-        if not study.inverse and any(channel.noise is None for channel in study.channels):
-            study = self._estimate_noise(study)
+        if not study.inverse:
+            study = self._settle_unknowns(study)
         self._pool = (
             ProcessPoolExecutor(
                 jobs,
@@ -89,17 +93,27 @@ class Replayer:
             else None
         )
 
-    def _estimate_noise(self, study: Study) -> Study:
-        """Estimate noise from the errors of the nominal model, where it is not stated."""
+    def _settle_unknowns(self, study: Study) -> Study:
+        """Return the study as replays of the nominal model show it.
+
+        Where it was not stated, noise is estimated from the errors of the model.
+        """
         before = mujoco.get_mju_user_warning()
         silence()
+
+        def predict(study: Study) -> Floats:
+            self.system = replace(self.system, study=study)
+            return self._replay([], False, None).prediction
+
         try:
-            prediction = self._replay([], False, None).prediction
+            study = with_likelier_start(study, self.measured, predict)
+            self.system = replace(self.system, study=study)
+            if any(channel.noise is None for channel in study.channels):
+                study = with_estimated_noise(study, self.measured, predict(study))
+                self.system = replace(self.system, study=study)
+                self.measured = measured(study)
         finally:
             mujoco.set_mju_user_warning(before)
-        study = with_estimated_noise(study, self.measured, prediction)
-        self.system = replace(self.system, study=study)
-        self.measured = measured(study)
         return study
 
     def __enter__(self) -> Replayer:
@@ -172,14 +186,14 @@ class Replayer:
 
         This part of the gap belongs to the integrator, not to the model. It is found by Richardson
         extrapolation from a half and a quarter of the step, and from smaller ones until this
-        changes no more.
+        changes no more. It is zero if the log has the model's own step.
         """
-        return self._drifts[0]
+        return self._drifts[0] * (not self.own_step)
 
     @property
     def drift_error(self) -> Floats:
         """Change of the extrapolation with the last halving of the step in SI units, shape (n,)."""
-        return self._drifts[1]
+        return self._drifts[1] * (not self.own_step)
 
     @property
     def drift_curvature(self) -> Floats:
@@ -187,7 +201,7 @@ class Replayer:
 
         It is zero where the error is in proportion to the step.
         """
-        return self._drifts[2]
+        return self._drifts[2] * (not self.own_step)
 
     @cached_property
     def _drifts(self) -> tuple[Floats, Floats, Floats]:
@@ -215,6 +229,19 @@ class Replayer:
         plant = self.light_plant([])
         plant.spec.option.timestep *= share
         return replay(plant, self.system.study, self.measured).prediction
+
+    def change_of_start(self, moved: Study) -> Floats:
+        """Return how the nominal prediction changes if the same study begins in other states.
+
+        Args:
+            moved: the study with other states.
+
+        Returns:
+            Change in SI units, shape (n,); 0 where the replay diverged.
+        """
+        plant = self.light_plant([])
+        prediction = replay(plant, moved, self.measured).prediction
+        return np.nan_to_num(prediction - self.replay([]).prediction)
 
     def plant(self, hypothesis: Hypothesis) -> Plant:
         """Build the study's model with the usual effects and a hypothesis."""

@@ -51,6 +51,21 @@ class Reading:
     value: Floats
 
 
+class ReadState(NamedTuple):
+    """State of a joint at the begin of an episode, as its readings show it.
+
+    Attributes:
+        position: [rad or m].
+        speed: velocity [rad/s or m/s].
+        position_error, speed_error: standard deviations of both, in the same units.
+    """
+
+    position: float
+    speed: float
+    position_error: float
+    speed_error: float
+
+
 @dataclass(frozen=True)
 class Episode:
     """One uninterrupted log.
@@ -67,6 +82,7 @@ class Episode:
             of one.
         start: when the episode began, since a moment that is the same for all episodes [s]; None
             if unknown.
+        states: initial states of those joints whose own readings show them.
     """
 
     name: str
@@ -76,6 +92,7 @@ class Episode:
     joints: Mapping[str, float] = field(default_factory=dict)
     log: str = ""
     start: float | None = None
+    states: Mapping[str, ReadState] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:

@@ -32,7 +32,7 @@ def by_direction(system: System, location: Location) -> Plant:
 def driven(plant: Plant, load: Floats) -> Floats:
     """Positions under a load (n,) [N]."""
     model = compile_with_probes(plant.spec, fuse=False)
-    return simulate(model, Task(0.0, load[:, None], {}, 0.0), plant.effects.hooks).qpos[:, 0]
+    return simulate(model, Task(0.0, load[:, None], {}, {}, 0.0), plant.effects.hooks).qpos[:, 0]
 
 
 @pytest.mark.parametrize("sensors", [(), ("sum_on_tendon", "sum_on_rail")])

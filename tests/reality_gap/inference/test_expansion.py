@@ -191,6 +191,7 @@ def test_deviations_are_silent_and_a_fault_beside_them_is_not(
     assert found.verdict is verdict
     assert [str(cause.candidate) for cause in found.causes] == names
     with Replayer(study) as replayer:
+        replayer.own_step = bool(found.measures["own_time_step"])
         report = split(replayer.measured) == REPORT
         for parts, rms in (([], found.rms_before), (fault_of(found), found.rms_after)):
             own = np.sqrt(np.mean(replayer.residual(parts)[report] ** 2))

@@ -135,7 +135,10 @@ def test_initial_joints_from_the_first_reading_of_each_episode(study_folder: Any
     study_folder.content["initial"] = {"joints": "first_reading"}
     study = load_study(study_folder.write())
     for i, episode in enumerate(study.episodes):
-        assert episode.joints == {"elbow": study_folder.logs[f"robot_{i}.csv"]["angle_elbow"][0]}
+        first = study_folder.logs[f"robot_{i}.csv"]["angle_elbow"][0]
+        assert list(episode.joints) == list(episode.states) == ["elbow"]
+        error = episode.states["elbow"].position_error
+        assert episode.joints["elbow"] == pytest.approx(first, abs=4 * error)
 
 
 def test_initial_joints_of_one_episode(study_folder: Any) -> None:

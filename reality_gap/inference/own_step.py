@@ -1,0 +1,61 @@
+"""Own step: whether a log comes from a simulation with the model's own time step.
+
+Residuals are those of a machine in continuous time: the error of the time step is extrapolated away
+(`Replayer.drift`). A log that was simulated with the same step has this error, too. Its causes are
+found in either case, because a part of the error is tolerated, and then the readings tell.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from reality_gap.inference.forward_selection import Search
+from reality_gap.inference.gauss_newton import Fit, fit_stepwise, null_fit, run_together
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.theta import prior_weights
+from reality_gap.types import Floats
+
+LIKELIER = 3.0
+"""Log likelihood by which the model's own step must predict the readings better, if deviations
+within tolerances are not counted [nats]; with them it must not be worse."""
+OTHERS = 3
+"""How many of the likeliest fits of each of the last two steps are fitted with it."""
+
+
+def has_own_step(found: Search) -> bool:
+    """Return whether the log is likelier with the model's own time step.
+
+    The likeliest causes are fitted again without the extrapolation. So are their alternatives,
+    because the error of the step may be what made them less likely.
+
+    Args:
+        found: a search with the extrapolation.
+    """
+    problem, replayer = found.problem, found.problem.replayer
+    change = replayer.drift / problem.measured.noise
+    if 0.5 * float(change @ change) < LIKELIER:
+        return False
+    others = [one for step in found.steps[-2:] for one in step.tried[:OTHERS]]
+    likely = [one for one in (found.best, *others) if not one.is_null]
+    replayer.own_step = True
+    try:
+        own = Problem(replayer, problem.null_residual + change, problem.noise_model)
+        fits = [fit_stepwise(own, one.hypothesis) for one in likely]
+        found_own = [null_fit(own), *run_together(replayer, fits)]
+    finally:
+        replayer.own_step = False
+    best = min(found_own, key=partial(_cost, own))
+    bare = _squares(found.best.residual) - _squares(best.residual)
+    return _cost(problem, found.best) > _cost(own, best) and 0.5 * bare > LIKELIER
+
+
+def _cost(problem: Problem, fitted: Fit) -> float:
+    """Return half the squares of the whitened residual and of the weighted theta [nats]."""
+    weighted: Floats = prior_weights(fitted.hypothesis) * fitted.theta
+    return 0.5 * (_squares(problem.noise_model.whiten(fitted.residual)) + _squares(weighted))
+
+
+def _squares(values: Floats) -> float:
+    return float(np.sum(values**2))

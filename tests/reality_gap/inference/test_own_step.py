@@ -1,0 +1,93 @@
+"""Logs that were simulated with the model's own time step, and logs of a machine without one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap import Diagnosis, Verdict, diagnose, load_study
+from reality_gap.causes import CATALOGUE
+from reality_gap.inference.verdict import Options
+from reality_gap.report.html import page
+
+ARM = """<mujoco><option timestep="{step}" integrator="Euler"/><worldbody>
+<body><joint name="upper" axis="0 1 0" damping="0.05" armature="0.02"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
+<body pos="0.3 0 0"><joint name="lower" axis="0 1 0" damping="0.02" armature="{armature}"/>
+<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.4"/></body></body></worldbody>
+<actuator><position name="m_upper" joint="upper" kp="60" kv="2"/>
+<position name="m_lower" joint="lower" kp="8" kv="0.3"/></actuator>
+<sensor><jointpos name="upper" joint="upper"/><jointpos name="lower" joint="lower"/></sensor>
+</mujoco>"""
+STUDY = """name: arm
+model: arm.xml
+episodes:
+  - commands: log.csv
+time: {column: time, unit: s}
+actuators:
+  m_upper: {column: m_upper, unit: rad}
+  m_lower: {column: m_lower, unit: rad}
+sensors:
+  upper: {column: upper, unit: rad, noise: 3e-4}
+  lower: {column: lower, unit: rad, noise: 3e-4}
+initial: {joints: first_reading, settle: 0}
+"""
+STEP, NOMINAL, PERIOD, NOISE = 0.002, 0.01, 0.02, 3e-4
+KINDS = ("armature", "viscous_friction", "link_mass", "velocity_gain", "actuator_lag")
+
+
+def diagnosis(folder: Path, step: float, armature: float = NOMINAL) -> tuple[Diagnosis, str]:
+    """Diagnosis of a log that was simulated with a step, and its page."""
+    (folder / "arm.xml").write_text(ARM.format(step=STEP, armature=NOMINAL))
+    (folder / "STUDY.yaml").write_text(STUDY)
+    model = mujoco.MjModel.from_xml_string(ARM.format(step=step, armature=armature))
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(5), []
+    for k in range(-100, 500):
+        time = PERIOD * max(k, 0)
+        data.ctrl[:] = 0.4 * np.sin(3.0 * time) + 0.1 * np.sin(11.0 * time), np.cos(4.0 * time)
+        if k >= 0:
+            readings = data.qpos + NOISE * rng.standard_normal(2)
+            rows.append([time, *data.ctrl, *readings])
+        mujoco.mj_step(model, data, round(PERIOD / step))
+    header = "time,m_upper,m_lower,upper,lower"
+    np.savetxt(folder / "log.csv", rows, "%.9g", ",", header=header, comments="")
+    study = load_study(folder / "STUDY.yaml")
+    causes = [CATALOGUE[id] for id in KINDS]
+    found = diagnose(study, causes=causes, options=Options(suggest=False))
+    return found, page(found, study)
+
+
+def test_a_simulated_log_without_a_fault_is_explained_to_the_noise(tmp_path: Path) -> None:
+    found, report = diagnosis(tmp_path, STEP)
+
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert found.rms_before == pytest.approx(1.0, abs=0.12)
+    assert "it seems to come\nfrom a simulation" in report
+
+
+def test_a_log_of_finer_steps_is_not_taken_for_a_simulated_one(tmp_path: Path) -> None:
+    found, report = diagnosis(tmp_path, STEP / 16)
+
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert found.rms_before == pytest.approx(1.0, abs=0.3)
+    assert "from a simulation" not in report
+
+
+@pytest.mark.parametrize(
+    ("step", "own", "accuracy"),
+    # The error of the step is extrapolated for the nominal model only.
+    [(STEP, True, 0.06), (STEP / 16, False, 0.1)],
+)
+def test_a_fault_has_its_size_in_both(
+    tmp_path: Path, step: float, own: bool, accuracy: float
+) -> None:
+    found, _ = diagnosis(tmp_path, step, 1.5 * NOMINAL)
+
+    assert found.verdict is Verdict.NAMED
+    assert [str(cause.candidate) for cause in found.causes] == ["armature at lower"]
+    inertia = found.causes[0].parameters["inertia"]
+    assert inertia.value == pytest.approx(0.5 * NOMINAL, rel=accuracy)
+    assert bool(found.measures["own_time_step"]) is own

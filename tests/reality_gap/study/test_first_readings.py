@@ -1,0 +1,161 @@
+"""State in which a log begins: found from the first readings, whatever the encoder says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap import Verdict, diagnose, load_study
+from reality_gap.causes import find_cause
+from reality_gap.inference.verdict import Options
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.first_readings import read_state
+from reality_gap.types import Floats
+
+FREQUENCY, AMPLITUDE = 0.6, 0.4
+
+
+def position(time: Floats) -> Floats:
+    return np.asarray(AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * time + 0.7))
+
+
+def clock(rate: float, jitter: float, rng: np.random.Generator) -> Floats:
+    """Two seconds of time stamps from 0 on."""
+    steps = (1.0 + jitter * rng.uniform(-1.0, 1.0, int(2 * rate))) / rate
+    return np.r_[0.0, np.cumsum(steps)]
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
+@pytest.mark.parametrize("noise", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_the_state_in_the_middle_of_a_motion_is_found(
+    rate: float, noise: float, jitter: float
+) -> None:
+    errors = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time = clock(rate, jitter, rng)
+        state = read_state(time, position(time) + noise * rng.standard_normal(len(time)), noise)
+        speed = AMPLITUDE * 2 * np.pi * FREQUENCY * np.cos(0.7)
+        truth = AMPLITUDE * np.sin(0.7), speed
+        found = (
+            (state.position - truth[0], state.position_error),
+            (
+                state.speed - truth[1],
+                state.speed_error,
+            ),
+        )
+        errors.append([wrong / claimed for wrong, claimed in found])
+    typical = np.sqrt(np.median(np.square(errors), axis=0))
+    assert np.all(typical < 1.3)  # 0.67 for normal errors, 1 for slow motions taken as rests
+    assert np.all(typical > 0.1)
+
+
+def test_a_joint_at_rest_has_no_speed() -> None:
+    rng, noise = np.random.default_rng(0), 1e-3
+    time = clock(100.0, 0.2, rng)
+    moving = 0
+    for _ in range(200):
+        state = read_state(time, 0.3 + noise * rng.standard_normal(len(time)), noise)
+        assert state.position == pytest.approx(0.3, abs=4 * noise)
+        moving += state.speed != 0.0
+    assert moving <= 4
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_log_with_few_readings(count: int) -> None:
+    time = 0.01 * np.arange(count)
+    state = read_state(time, position(time), 1e-3)
+    assert state.position == pytest.approx(float(position(np.zeros(1))[0]), abs=1e-3)
+
+
+ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+<body><joint name="upper" axis="0 1 0" damping="0.05" armature="0.01"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
+<body pos="0.3 0 0"><joint name="lower" axis="0 1 0" damping="0.02" armature="0.005"/>
+<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.4"/></body></body></worldbody>
+<actuator><position name="m_upper" joint="upper" kp="60" kv="1"/>
+<position name="m_lower" joint="lower" kp="8" kv="0.2"/></actuator>
+<sensor><jointpos name="upper" joint="upper"/><jointpos name="lower" joint="lower"/></sensor>
+</mujoco>"""
+STUDY = """name: arm
+model: arm.xml
+episodes:
+  - commands: log.csv
+time: {column: time, unit: s}
+actuators:
+  m_upper: {column: m_upper, unit: rad}
+  m_lower: {column: m_lower, unit: rad}
+sensors:
+  upper: {column: upper, unit: rad, noise: 5e-4}
+  lower: {column: lower, unit: rad, noise: 5e-4}
+initial: {joints: first_reading, settle: 0}
+"""
+
+
+def write_log(folder: Path, offset: float = 0.0, scale: float = 1.0) -> Path:
+    """Log of the arm's own simulation from the middle of a motion on, with a wrong encoder."""
+    (folder / "arm.xml").write_text(ARM)
+    (folder / "STUDY.yaml").write_text(STUDY)
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(3), []
+    for k in range(1000):
+        time = 0.01 * k
+        data.ctrl[:] = 0.4 * np.sin(3.0 * time), 0.5 * np.cos(4.0 * time)
+        if k >= 230:
+            readings = data.qpos * [1.0, scale] + [0.0, offset] + 5e-4 * rng.standard_normal(2)
+            rows.append([time - 2.3, *data.ctrl, *readings])
+        mujoco.mj_step(model, data, 10)
+    header = "time,m_upper,m_lower,upper,lower"
+    np.savetxt(folder / "log.csv", rows, "%.9g", ",", header=header, comments="")
+    return folder / "STUDY.yaml"
+
+
+def test_a_large_error_of_a_zero_is_named_in_a_log_that_begins_in_a_motion(tmp_path: Path) -> None:
+    study = load_study(write_log(tmp_path, offset=-0.3))
+    ids = ("joint_offset", "force_offset", "encoder_scale", "centre_of_mass", "link_mass")
+    found = diagnose(study, causes=[find_cause(id) for id in ids], options=Options(suggest=False))
+
+    assert found.verdict is Verdict.NAMED
+    [cause] = found.causes
+    assert str(cause.candidate) == "joint_offset at lower (reading only)"
+    assert cause.parameters["offset"].value == pytest.approx(-0.3, abs=1e-3)
+
+
+def left(study: Path, cause: str = "", **values: float) -> float:
+    """RMS of what a cause at the lower joint leaves, with the log's own time step [noise]."""
+    with Replayer(load_study(study)) as replayer:
+        replayer.own_step = True
+        hypothesis: Hypothesis = []
+        if cause:
+            found = find_cause(cause)
+            [location] = [
+                one
+                for one in found.locations(replayer.system)
+                if one.elements == ("lower",) and one.note == "reading only"
+            ]
+            parameters = found.parameters(replayer.system, location)
+            hypothesis = [(Candidate(found, location, parameters), values)]
+        return float(np.sqrt(np.mean(replayer.residual(hypothesis) ** 2)))
+
+
+def test_a_log_that_begins_in_a_motion_is_replayed_to_the_noise(tmp_path: Path) -> None:
+    assert left(write_log(tmp_path)) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("offset", [0.04, -0.02])
+def test_a_wrong_zero_shifts_where_the_replay_begins(tmp_path: Path, offset: float) -> None:
+    study = write_log(tmp_path, offset=offset)
+    assert left(study, "joint_offset", offset=offset) == pytest.approx(1.0, abs=0.1)
+    assert left(study) > 20.0
+
+
+@pytest.mark.parametrize("scale", [1.1, 0.5])
+def test_a_wrong_scale_changes_where_the_replay_begins(tmp_path: Path, scale: float) -> None:
+    study = write_log(tmp_path, scale=scale)
+    assert left(study, "encoder_scale", scale=scale - 1.0) == pytest.approx(1.0, abs=0.1)
+    assert left(study) > 10.0
