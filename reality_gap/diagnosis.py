@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Location
+from reality_gap.causes.base import Location, Parameter
 from reality_gap.errors import StudyError
 from reality_gap.extended import Extended
 from reality_gap.log_findings import Estimate as Estimate
@@ -157,13 +157,17 @@ class NamedCause:
         known = [
             p
             for p in self.candidate.parameters
-            if p.name in self.parameters
-            and not (p.hints.shape and self.parameters[p.name].value == p.null)
+            if p.name in self.parameters and not (p.hints.shape and self._is_null(p))
         ]
         if len(known) > most:
             far = {p.name: abs((self.parameters[p.name].value - p.null) / p.scale) for p in known}
             known = sorted(known, key=lambda p: -far[p.name])[:most]
         return tuple(p.name for p in known)
+
+    def _is_null(self, parameter: Parameter) -> bool:
+        """Return whether a parameter is at its null value, but for rounding."""
+        moved = self.parameters[parameter.name].value - parameter.null
+        return abs(moved) <= 1e-6 * abs(parameter.scale)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ before a force sensor, each as a share of the tendon's typical force."""
 LEAST_BEFORE = 6e-3
 """Friction before a force sensor up to which it is not named, as the same share: that of a good
 gearbox."""
+ABOVE = 4.0
+"""Largest friction that is added to that of a model, over that of the model."""
 BEFORE = "before the force sensor"
 """Note of a location where the friction is between motors and the sensors of their forces."""
 
@@ -62,8 +64,11 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         nominal = shared_amounts.least(system, location, system.model.dof_frictionloss)
         tolerance = typical_scales.force_tolerance(system, location)
         low = 0.0 if location.note == BEFORE else -BEYOND * nominal
-        hints = SearchHints(secants=elements.secants(system, location, (0.1 * size, 0.4 * size)))
-        friction = Parameter("friction", unit, 0.02 * size, tolerance, low, 2.0 * size, hints=hints)
+        secants = elements.secants(system, location, (0.1 * size, 0.4 * size))
+        if low < 0.0:  # where a joint of the model sticks, a little less friction does nothing
+            secants += elements.secants(system, location, (-0.4 * nominal, -0.8 * nominal))
+        sizes = (0.02 * size, tolerance, low, max(2.0 * size, ABOVE * nominal))
+        friction = Parameter("friction", unit, *sizes, hints=SearchHints(secants=secants))
     creep = () if location.note == BEFORE else lugre.creep_parameters(system, location)
     return (friction, *lugre.presliding_parameters(system, location), *creep)
 

@@ -55,10 +55,11 @@ def next_experiment(
         unmodelled: probability that the cause is not in the catalogue, on which no motion decides.
 
     Returns:
-        The experiment; None if there are no causes, or if no motion is likely to halve the doubt.
+        The experiment; None if there are no causes, if nothing can be commanded, or if no motion
+            is likely to halve the doubt.
     """
     study = problem.system.study
-    if not fitted or study.inverse:
+    if not fitted or study.inverse or not problem.system.model.nu:
         return None
     compared = _compare(problem, fitted, sensitivities, unmodelled)
     tried = feasible_motions(problem.system)

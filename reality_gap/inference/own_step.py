@@ -20,6 +20,8 @@ from reality_gap.types import Floats
 LIKELIER = 3.0
 """Log likelihood by which the model's own step must predict the readings better, if deviations
 within tolerances are not counted [nats]; with them it must not be worse."""
+NOISE = 3.0
+"""RMS up to which the likeliest causes must explain a simulated log [noise]."""
 OTHERS = 3
 """How many of the likeliest fits of each of the last two steps are fitted with it."""
 
@@ -48,6 +50,8 @@ def has_own_step(found: Search) -> bool:
         replayer.own_step = False
     best = min(found_own, key=partial(_cost, own))
     bare = _squares(found.best.residual) - _squares(best.residual)
+    if _squares(best.residual) > NOISE**2 * len(best.residual):
+        return False
     return _cost(problem, found.best) > _cost(own, best) and 0.5 * bare > LIKELIER
 
 

@@ -221,6 +221,7 @@ def _measures(paying: Paying, remainder: Remainder) -> dict[str, float]:
         "learned": float(remainder.learned.evidence),
         "instead": float(remainder.instead.evidence),
         "left_before": remainder.before,
+        "deviation": remainder.deviation,
         "left": remainder.after,
         "attempt": paying.attempt.evidence,
         "attempt_causes": float(len(paying.attempt.hypothesis)),

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reality_gap.causes.base import Parameter
+from reality_gap.causes.base import Location, Parameter
+from reality_gap.causes.support.typical_scales import joint_speed
 from reality_gap.inference.screening import STEP, Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replayer import Replayer
@@ -25,8 +26,9 @@ MANY = 5.0
 START_SEEN = 0.3
 """Norm of the effect of an initial state up to which it does not matter [noise]."""
 BEFORE, UNKNOWN = 0.01, 0.1
-"""Errors of the position [s] and of the velocity of a joint that moves as a log begins, over its
-velocity: what was commanded before is not known, and machines with a delay still follow that."""
+"""Errors of the position [s] and of the velocity with which a log begins, over the joint's velocity
+then or its typical one: what was commanded before is not known, and machines with a delay still
+follow that."""
 SEEN = 1.0
 """Norm of the error of a column up to which it does not matter [noise]."""
 
@@ -129,7 +131,8 @@ def start_columns(replayer: Replayer) -> list[Floats]:
     joints = dict.fromkeys(joint for episode in study.episodes for joint in episode.states)
     columns = []
     for joint in joints:
-        for moved in (_displaced(study, joint), _pushed(study, joint)):
+        typical = joint_speed(replayer.system, Location("joint", (joint,)))
+        for moved in (_displaced(study, joint, typical), _pushed(study, joint, typical)):
             change = replayer.change_of_start(moved) / measured.noise
             for e in range(len(study.episodes)):
                 own = np.where(measured.episode == e, change, 0.0)
@@ -138,21 +141,21 @@ def start_columns(replayer: Replayer) -> list[Floats]:
     return columns
 
 
-def _displaced(study: Study, joint: str) -> Study:
+def _displaced(study: Study, joint: str, typical: float) -> Study:
     """Return a study that begins with a joint displaced by the error of its position."""
 
     def change(state: ReadState) -> ReadState:
-        error = float(np.hypot(state.position_error, BEFORE * abs(state.speed)))
+        error = float(np.hypot(state.position_error, BEFORE * max(abs(state.speed), typical)))
         return state._replace(position=state.position + error)
 
     return _begun(study, joint, change)
 
 
-def _pushed(study: Study, joint: str) -> Study:
+def _pushed(study: Study, joint: str, typical: float) -> Study:
     """Return a study that begins with a joint faster by the error of its velocity."""
 
     def change(state: ReadState) -> ReadState:
-        error = float(np.hypot(state.speed_error, UNKNOWN * abs(state.speed)))
+        error = float(np.hypot(state.speed_error, UNKNOWN * max(abs(state.speed), typical)))
         return state._replace(speed=state.speed + error)
 
     return _begun(study, joint, change)

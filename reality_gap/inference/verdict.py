@@ -105,13 +105,18 @@ def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remai
         The causes that pay, and their remainder; that of the best attempt if none pays.
     """
     remainder = evaluate_remainder(result.problem, result.best)
-    if result.best.is_null or is_refuted(result.best.evidence, remainder, options):
+    if result.best.is_null:
         return keep_paying(result), remainder
-    paying = keep_paying(revise(result, options.search))
+    refuted = is_refuted(result.best.evidence, remainder, options)
+    paying = keep_paying(result if refuted else revise(result, options.search))
     last = paying.attempt if paying.result.best.is_null else paying.result.best
-    if last.hypothesis == result.best.hypothesis:
-        return paying, remainder
-    return paying, evaluate_remainder(paying.result.problem, last)
+    if last.hypothesis != result.best.hypothesis:
+        remainder = evaluate_remainder(paying.result.problem, last)
+    if paying.result.best.is_null and not paying.attempted.pays:
+        # An attempt that predicts worse than the model alone is no reason to doubt the model.
+        alone = evaluate_remainder(paying.result.problem, paying.result.best)
+        return paying, alone if alone.after < remainder.after else remainder
+    return paying, remainder
 
 
 def is_refuted(named: float, remainder: Remainder, options: Options) -> bool:

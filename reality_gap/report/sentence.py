@@ -6,6 +6,8 @@ from reality_gap.diagnosis import NamedCause, Verdict
 from reality_gap.inference.outcome import Outcome
 from reality_gap.report.formatting import capital, human, probability, rounded
 
+VISIBLE = 5.0
+"""Residual, over that of the noise, from which on a report says what tolerances excuse."""
 MANY = 8
 """Number of elements above which a location is described by its note."""
 
@@ -15,7 +17,7 @@ def sentence(outcome: Outcome) -> str:
     if outcome.verdict is Verdict.NOTHING_WRONG:
         return (
             "Nothing is wrong with the model as far as these data can show: the differences are "
-            "within the noise and the tolerances of a nominal model."
+            f"within the noise and the tolerances of a nominal model.{_tolerated(outcome)}"
         )
     if outcome.verdict is Verdict.UNEXPLAINED:
         left = probability(outcome.unexplained_fraction)
@@ -35,6 +37,17 @@ def sentence(outcome: Outcome) -> str:
     return (
         f"{'This cause explains' if one else 'These causes explain'} a part of the error, also on "
         f"held-out data; the rest has no known cause: {causes}{_gain(outcome)} {_rest(outcome)}"
+    )
+
+
+def _tolerated(outcome: Outcome) -> str:
+    """Return how large the differences are that tolerances excuse; empty if they are small."""
+    before, most = outcome.score.before, outcome.measures.get("deviation")
+    if most is None or before < VISIBLE * outcome.score.floor:
+        return ""
+    return (
+        f" They are {before:.3g} noises; deviations of at most {most:.2g} tolerances explain that. "
+        "Smaller tolerances (--tolerance below 1) show whether your model is better than that."
     )
 
 

@@ -17,6 +17,8 @@ from reality_gap.types import Floats
 
 Predict = Callable[[Study], Floats]
 """Returns the nominal prediction of a study, shape (n,)."""
+UNSURE = 4.0
+"""Mean square of the misfit from which on neither is right, as with a fault [noise^2]."""
 SEEN = 1.0
 """Difference of both predictions from which on a reading tells which one is right [noise]."""
 
@@ -31,21 +33,26 @@ def with_likelier_start(study: Study, readings: Measured, predict: Predict) -> S
     """
     if study.initial.settle or not any(s.speed for e in study.episodes for s in e.states.values()):
         return study
-    resting = replace(study, episodes=tuple(_at_rest(episode) for episode in study.episodes))
+    resting = _changed(study, 0.0)
     moving, still = predict(study), predict(resting)
     decisive = np.abs(moving - still) > SEEN * readings.noise
     misfits = [
         float(np.sum(((readings.value - one) / readings.noise)[decisive] ** 2))
         for one in (moving, still)
     ]
-    return study if not misfits[0] > misfits[1] else resting
+    if misfits[0] > misfits[1]:
+        return resting
+    return _changed(study, 1.0) if misfits[0] > UNSURE * np.count_nonzero(decisive) else study
 
 
-def _at_rest(episode: Episode) -> Episode:
-    """Return an episode whose joints begin at rest, or as fast as they seem to."""
+def _changed(study: Study, share: float) -> Study:
+    """Return a study that begins with a share of the read velocities, which are uncertain."""
 
-    def resting(state: ReadState) -> ReadState:
+    def change(state: ReadState) -> ReadState:
         error = float(np.hypot(state.speed_error, state.speed))
-        return state._replace(speed=0.0, speed_error=error)
+        return state._replace(speed=share * state.speed, speed_error=error)
 
-    return replace(episode, states={joint: resting(s) for joint, s in episode.states.items()})
+    def begun(episode: Episode) -> Episode:
+        return replace(episode, states={joint: change(s) for joint, s in episode.states.items()})
+
+    return replace(study, episodes=tuple(begun(episode) for episode in study.episodes))

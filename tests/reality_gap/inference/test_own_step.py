@@ -65,7 +65,7 @@ def test_a_simulated_log_without_a_fault_is_explained_to_the_noise(tmp_path: Pat
 
     assert found.verdict is Verdict.NOTHING_WRONG
     assert found.rms_before == pytest.approx(1.0, abs=0.12)
-    assert "it seems to come\nfrom a simulation" in report
+    assert "as one does that\nwas simulated with this model" in report
 
 
 def test_a_log_of_finer_steps_is_not_taken_for_a_simulated_one(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_log_of_finer_steps_is_not_taken_for_a_simulated_one(tmp_path: Path) -
 
     assert found.verdict is Verdict.NOTHING_WRONG
     assert found.rms_before == pytest.approx(1.0, abs=0.3)
-    assert "from a simulation" not in report
+    assert "simulated with this model" not in report
 
 
 @pytest.mark.parametrize(
