@@ -25,6 +25,8 @@ MANY = 5.0
 """Step of a column, in tolerances, from which on it hardly tells the effect of one tolerance."""
 START_SEEN = 0.3
 """Norm of the effect of an initial state up to which it does not matter [noise]."""
+MOST_STARTS = 100
+"""Largest number of errors of initial states, for studies with many episodes."""
 BEFORE, UNKNOWN = 0.01, 0.1
 """Errors of the position [s] and of the velocity with which a log begins, over the joint's velocity
 then or its typical one: what was commanded before is not known, and machines with a delay still
@@ -123,7 +125,7 @@ def start_columns(replayer: Replayer) -> list[Floats]:
     """Return the change of the readings by each error of an initial state, shape (n,) each.
 
     Each joint whose readings show where an episode begins has an error of its position and one of
-    its velocity in each episode. Those without an effect are left out.
+    its velocity in each episode. Those with little effect are left out, as are the least of many.
     """
     study, measured = replayer.system.study, replayer.measured
     if study.inverse:
@@ -138,7 +140,7 @@ def start_columns(replayer: Replayer) -> list[Floats]:
                 own = np.where(measured.episode == e, change, 0.0)
                 if np.linalg.norm(own) > START_SEEN:
                     columns.append(own)
-    return columns
+    return sorted(columns, key=lambda c: -float(np.linalg.norm(c)))[:MOST_STARTS]
 
 
 def _displaced(study: Study, joint: str, typical: float) -> Study:

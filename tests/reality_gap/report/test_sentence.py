@@ -19,7 +19,8 @@ Make = Callable[[Verdict], Diagnosis]
 def outcome_of(diagnosis: Diagnosis) -> Outcome:
     """An outcome with the fields of a diagnosis."""
     shared = {f.name for f in fields(Outcome)} & {f.name for f in fields(Diagnosis)}
-    score = Score.__new__(Score)  # the sentence does not use it
+    before, after, floor = diagnosis.rms_before, diagnosis.rms_after, diagnosis.noise_floor
+    score = Score(before, after, floor, None, 0.0, Gain(0.0, 0.0, 0.0))
     values = {name: getattr(diagnosis, name) for name in shared}
     return Outcome(hypothesis=[], residual=np.zeros(0), score=score, **values)
 
@@ -67,6 +68,15 @@ def test_the_best_attempt_is_not_named_for_a_reason(diagnosed: Make) -> None:
 
 def test_nothing_wrong_does_not_claim_that_the_model_is_right(diagnosed: Make) -> None:
     assert "as far as these data can show" in sentence(outcome_of(diagnosed(Verdict.NOTHING_WRONG)))
+
+
+def test_nothing_wrong_mentions_large_differences_that_tolerances_excuse(diagnosed: Make) -> None:
+    outcome = outcome_of(diagnosed(Verdict.NOTHING_WRONG))
+    large = replace(outcome, score=replace(outcome.score, before=450.0, floor=1.0))
+    excused = replace(large, measures={**large.measures, "deviation": 2.99})
+
+    assert "450 noises; deviations of at most 3 tolerances explain that" in sentence(excused)
+    assert "noises" not in sentence(replace(excused, score=replace(large.score, before=4.0)))
 
 
 def test_causes_that_are_not_all_have_a_rest_without_a_name(diagnosed: Make) -> None:
