@@ -10,10 +10,14 @@ import pytest
 
 from reality_gap import Verdict, diagnose, load_study
 from reality_gap.causes import find_cause
+from reality_gap.inference.tolerances import tolerance_columns
 from reality_gap.inference.verdict import Options
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.simulation.likelier_start import with_likelier_start
 from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Study
 from reality_gap.study.first_readings import read_state
+from reality_gap.study.measurements import measured
 from reality_gap.types import Floats
 
 FREQUENCY, AMPLITUDE = 0.6, 0.4
@@ -124,6 +128,40 @@ def test_a_large_error_of_a_zero_is_named_in_a_log_that_begins_in_a_motion(tmp_p
     [cause] = found.causes
     assert str(cause.candidate) == "joint_offset at lower (reading only)"
     assert cause.parameters["offset"].value == pytest.approx(-0.3, abs=1e-3)
+
+
+def test_errors_of_the_initial_states_are_tolerances(tmp_path: Path) -> None:
+    with Replayer(load_study(write_log(tmp_path))) as replayer:
+        columns = tolerance_columns(replayer, [], replayer.residual([]))
+        steps = 3  # columns of the time step
+        late = replayer.measured.time > 3.0
+        assert columns.shape[1] == steps + 4  # position and velocity of two joints
+        for column in columns[:, steps:].T:
+            assert np.linalg.norm(column) > 1.0
+            assert np.linalg.norm(column[late]) < 0.01 * np.linalg.norm(column)
+
+
+@pytest.mark.parametrize(
+    ("moving", "resting", "share", "sure"),
+    [(0.0, 9.0, 1.0, True), (9.0, 0.0, 0.0, False), (8.0, 9.0, 1.0, False)],
+)
+def test_replays_decide_whether_a_log_begins_at_rest(
+    tmp_path: Path, moving: float, resting: float, share: float, sure: bool
+) -> None:
+    """The errors of both replays are in noises; where both are large, nothing is sure."""
+    study = load_study(write_log(tmp_path))
+    readings = measured(study)
+
+    def predict(one: Study) -> Floats:
+        fast = any(state.speed for state in one.episodes[0].states.values())
+        return readings.value + (moving if fast else resting) * readings.noise
+
+    found = with_likelier_start(study, readings, predict)
+    for joint, state in found.episodes[0].states.items():
+        read = study.episodes[0].states[joint]
+        assert state.speed == share * read.speed
+        assert (state.speed_error == read.speed_error) is sure
+        assert sure or state.speed_error > abs(read.speed)
 
 
 def left(study: Path, cause: str = "", **values: float) -> float:
