@@ -2,7 +2,7 @@
 
 Residuals are those of a machine in continuous time: the error of the time step is extrapolated away
 (`Replayer.drift`). A log that was simulated with the same step has this error, too. Its causes are
-found in either case, because a part of the error is tolerated, and then the readings tell.
+found in either case, because a part of the error is tolerated; with them, the readings decide.
 """
 
 from __future__ import annotations

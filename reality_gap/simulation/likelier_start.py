@@ -1,7 +1,7 @@
 """Likelier start: whether a log begins in a motion or at rest.
 
 A machine that starts from rest as its log begins may move sooner than its first readings follow,
-which then show a velocity that it did not have. Replays of the nominal model tell.
+which then show a velocity that it did not have. Replays of the nominal model decide.
 """
 
 from __future__ import annotations

@@ -57,17 +57,19 @@ def with_read_states(study: Study, joints: Mapping[str, str]) -> Study:
 
 
 def read_state(time: Floats, value: Floats, noise: float) -> ReadState:
-    """Return the state of a joint at the time 0.
+    """Return the state of a joint at the time 0, or at its first reading if that is late.
 
     Args:
         time: of its readings, shape (k,) [s].
         value: its positions, shape (k,) [rad or m].
         noise: standard deviation of one reading [rad or m].
     """
-    if len(value) < FEWEST:
+    if len(value) < FEWEST or noise <= 0.0 or time[FEWEST - 1] <= time[0]:
         return ReadState(float(value[0]), 0.0, noise, 0.0)
+    if time[0] > time[1] - time[0]:  # a cubic that is extrapolated so far shows nothing
+        time = time - time[0]
     rate, speed = _rate_and_speed(time, value, noise)
-    within = int(np.sum(time * rate <= SHARE)) if rate else MOST
+    within = int(np.sum((time - time[0]) * rate <= SHARE)) if rate else MOST
     count = min(max(within, FEWEST), MOST, len(value))
     while True:
         state, misfit = _cubic(time[:count], value[:count], noise, JERK * rate**2 * speed)
@@ -91,7 +93,7 @@ def _rate_and_speed(time: Floats, value: Floats, noise: float) -> tuple[float, f
 
 def _cubic(time: Floats, value: Floats, noise: float, jerk: float) -> tuple[ReadState, float]:
     """Fit a cubic to readings (k,) with a jerk of about ``jerk``; return its misfit, too."""
-    span = float(time[-1])
+    span = float(time[-1] - time[0])
     columns = np.vander(time / span, 4, increasing=True) / noise
     prior = np.zeros((1, 4))
     prior[0, 3] = 1.0 / max(jerk * span**3 / 6.0, 1e-3 * noise)

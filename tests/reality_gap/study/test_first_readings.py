@@ -77,6 +77,24 @@ def test_a_log_with_few_readings(count: int) -> None:
     assert state.position == pytest.approx(float(position(np.zeros(1))[0]), abs=1e-3)
 
 
+@pytest.mark.parametrize("late", [-0.05, 0.004, 0.5, 20.0])
+def test_readings_may_begin_before_or_after_the_commands(late: float) -> None:
+    """A sensor that begins late is taken at its first reading; one that begins early, at 0."""
+    rng, noise = np.random.default_rng(1), 1e-3
+    time = late + clock(100.0, 0.2, rng)
+    at = late if late > 0.01 else 0.0
+    state = read_state(time, position(time) + noise * rng.standard_normal(len(time)), noise)
+    speed = (position(np.array([at + 1e-6])) - position(np.array([at - 1e-6])))[0] / 2e-6
+    assert state.position == pytest.approx(float(position(np.array([at]))[0]), abs=5 * noise)
+    assert state.speed == pytest.approx(speed, abs=0.3)
+
+
+def test_an_encoder_that_never_moves_rests(tmp_path: Path) -> None:
+    time = 0.01 * np.arange(50)
+    assert read_state(time, np.full(50, 0.2), 0.0)[:2] == (0.2, 0.0)
+    assert read_state(np.zeros(5), np.full(5, 0.2), 1e-3)[:2] == (0.2, 0.0)
+
+
 ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
 <body><joint name="upper" axis="0 1 0" damping="0.05" armature="0.01"/>
 <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
