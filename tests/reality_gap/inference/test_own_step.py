@@ -12,38 +12,21 @@ from reality_gap import Diagnosis, Verdict, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.verdict import Options
 from reality_gap.report.html import page
+from tests.reality_gap.servo_arm import ARM, STUDY
 
-ARM = """<mujoco><option timestep="{step}" integrator="Euler"/><worldbody>
-<body><joint name="upper" axis="0 1 0" damping="0.05" armature="0.02"/>
-<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
-<body pos="0.3 0 0"><joint name="lower" axis="0 1 0" damping="0.02" armature="{armature}"/>
-<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.4"/></body></body></worldbody>
-<actuator><position name="m_upper" joint="upper" kp="60" kv="2"/>
-<position name="m_lower" joint="lower" kp="8" kv="0.3"/></actuator>
-<sensor><jointpos name="upper" joint="upper"/><jointpos name="lower" joint="lower"/></sensor>
-</mujoco>"""
-STUDY = """name: arm
-model: arm.xml
-episodes:
-  - commands: log.csv
-time: {column: time, unit: s}
-actuators:
-  m_upper: {column: m_upper, unit: rad}
-  m_lower: {column: m_lower, unit: rad}
-sensors:
-  upper: {column: upper, unit: rad, noise: 3e-4}
-  lower: {column: lower, unit: rad, noise: 3e-4}
-initial: {joints: first_reading, settle: 0}
-"""
 STEP, NOMINAL, PERIOD, NOISE = 0.002, 0.01, 0.02, 3e-4
 KINDS = ("armature", "viscous_friction", "link_mass", "velocity_gain", "actuator_lag")
 
 
+def arm(step: float, armature: float) -> str:
+    return ARM.format(step=step, integrator="Euler", armature=armature, rotor=0.02, kv=(2.0, 0.3))
+
+
 def diagnosis(folder: Path, step: float, armature: float = NOMINAL) -> tuple[Diagnosis, str]:
     """Diagnosis of a log that was simulated with a step, and its page."""
-    (folder / "arm.xml").write_text(ARM.format(step=STEP, armature=NOMINAL))
-    (folder / "STUDY.yaml").write_text(STUDY)
-    model = mujoco.MjModel.from_xml_string(ARM.format(step=step, armature=armature))
+    (folder / "arm.xml").write_text(arm(STEP, NOMINAL))
+    (folder / "STUDY.yaml").write_text(STUDY.format(noise=NOISE))
+    model = mujoco.MjModel.from_xml_string(arm(step, armature))
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(5), []
     for k in range(-100, 500):
         time = PERIOD * max(k, 0)

@@ -19,6 +19,7 @@ from reality_gap.study.data import Study
 from reality_gap.study.first_readings import read_state
 from reality_gap.study.measurements import measured
 from reality_gap.types import Floats
+from tests.reality_gap.servo_arm import ARM, STUDY
 
 FREQUENCY, AMPLITUDE = 0.6, 0.4
 
@@ -95,41 +96,21 @@ def test_an_encoder_that_never_moves_rests(tmp_path: Path) -> None:
     assert read_state(np.zeros(5), np.full(5, 0.2), 1e-3)[:2] == (0.2, 0.0)
 
 
-ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
-<body><joint name="upper" axis="0 1 0" damping="0.05" armature="0.01"/>
-<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
-<body pos="0.3 0 0"><joint name="lower" axis="0 1 0" damping="0.02" armature="0.005"/>
-<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.4"/></body></body></worldbody>
-<actuator><position name="m_upper" joint="upper" kp="60" kv="1"/>
-<position name="m_lower" joint="lower" kp="8" kv="0.2"/></actuator>
-<sensor><jointpos name="upper" joint="upper"/><jointpos name="lower" joint="lower"/></sensor>
-</mujoco>"""
-STUDY = """name: arm
-model: arm.xml
-episodes:
-  - commands: log.csv
-time: {column: time, unit: s}
-actuators:
-  m_upper: {column: m_upper, unit: rad}
-  m_lower: {column: m_lower, unit: rad}
-sensors:
-  upper: {column: upper, unit: rad, noise: 5e-4}
-  lower: {column: lower, unit: rad, noise: 5e-4}
-initial: {joints: first_reading, settle: 0}
-"""
+MODEL = ARM.format(step=0.001, integrator="implicitfast", armature=0.005, rotor=0.01, kv=(1.0, 0.2))
+NOISE = 5e-4
 
 
 def write_log(folder: Path, offset: float = 0.0, scale: float = 1.0) -> Path:
     """Log of the arm's own simulation from the middle of a motion on, with a wrong encoder."""
-    (folder / "arm.xml").write_text(ARM)
-    (folder / "STUDY.yaml").write_text(STUDY)
-    model = mujoco.MjModel.from_xml_string(ARM)
+    (folder / "arm.xml").write_text(MODEL)
+    (folder / "STUDY.yaml").write_text(STUDY.format(noise=NOISE))
+    model = mujoco.MjModel.from_xml_string(MODEL)
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(3), []
     for k in range(1000):
         time = 0.01 * k
         data.ctrl[:] = 0.4 * np.sin(3.0 * time), 0.5 * np.cos(4.0 * time)
         if k >= 230:
-            readings = data.qpos * [1.0, scale] + [0.0, offset] + 5e-4 * rng.standard_normal(2)
+            readings = data.qpos * [1.0, scale] + [0.0, offset] + NOISE * rng.standard_normal(2)
             rows.append([time - 2.3, *data.ctrl, *readings])
         mujoco.mj_step(model, data, 10)
     header = "time,m_upper,m_lower,upper,lower"
