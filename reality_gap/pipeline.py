@@ -28,7 +28,7 @@ from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.log_candidates import in_each_log
 from reality_gap.inference.outcome import Outcome, groups_outcome
-from reality_gap.inference.own_step import has_own_step
+from reality_gap.inference.own_step import settle_step
 from reality_gap.inference.paying import Paying
 from reality_gap.inference.posteriors import tolerance_branch
 from reality_gap.inference.remainder import Remainder
@@ -214,8 +214,7 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
-        if result.stop is None and has_own_step(result):
-            replayer.own_step = True
+        if result.stop is None and settle_step(result):
             self.null_residual = null = replayer.residual([])
             columns = tolerance_columns(replayer, tolerances, null)
             result = self._search_with(columns, null, screened, result.singles)

@@ -26,6 +26,34 @@ OTHERS = 3
 """How many of the likeliest fits of each of the last two steps are fitted with it."""
 
 
+def settle_step(found: Search) -> bool:
+    """Choose what is done about the error of the time step, and return whether that changed.
+
+    If the log does not have the error, it is extrapolated away about the causes that were found,
+    because it depends on them: a weaker servo follows later, so that a step is a larger share.
+
+    Args:
+        found: a search with the error of the nominal model.
+    """
+    replayer = found.problem.replayer
+    if has_own_step(found):
+        replayer.own_step = True
+        return True
+    nominal = replayer.drift
+    if found.best.is_null or not _is_seen(found.problem, nominal):
+        return False
+    error = replayer.step_error_of(found.best.hypothesis)
+    if not _is_seen(found.problem, error.drift - nominal):
+        return False
+    replayer.step_error = error
+    return True
+
+
+def _is_seen(problem: Problem, change: Floats) -> bool:
+    """Return whether a change of the predictions (n,) in SI units is seen beside the noise."""
+    return 0.5 * _squares(change / problem.measured.noise) > LIKELIER
+
+
 def has_own_step(found: Search) -> bool:
     """Return whether the log is likelier with the model's own time step.
 
@@ -36,11 +64,11 @@ def has_own_step(found: Search) -> bool:
         found: a search with the extrapolation.
     """
     problem, replayer = found.problem, found.problem.replayer
-    change = replayer.drift / problem.measured.noise
-    if 0.5 * float(change @ change) < LIKELIER:
+    if not _is_seen(problem, replayer.drift):
         return False
     others = [one for step in found.steps[-2:] for one in step.tried[:OTHERS]]
     likely = [one for one in (found.best, *others) if not one.is_null]
+    change = replayer.drift / problem.measured.noise
     replayer.own_step = True
     try:
         own = Problem(replayer, problem.null_residual + change, problem.noise_model)

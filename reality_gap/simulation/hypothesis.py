@@ -96,7 +96,7 @@ def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None 
     Candidates with null values are left out, and those that act in one log only; see `in_log`.
 
     Args:
-        system: the study's model and its elements.
+        system: the study's model and its elements; the plant has its model's time step.
         hypothesis: candidates with their values.
         nominal: a model with the same elements in place of the study's; it is not changed.
 
@@ -104,6 +104,7 @@ def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None 
         A plant with a copy of the model.
     """
     spec = system.study.spec() if nominal is None else nominal.copy()
+    spec.option.timestep = float(system.model.opt.timestep)
     _fix_damping(spec, system.model)
     effects, edits = Effects(), []
     order = {name: i for i, name in enumerate(CATALOGUE)}

@@ -26,7 +26,7 @@ from reality_gap.simulation.likelier_start import with_likelier_start
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured, with_estimated_noise
-from reality_gap.study.system import System, compile_system
+from reality_gap.study.system import System, compile_system, with_step
 from reality_gap.types import Floats
 
 Tick = Callable[[], None]
@@ -37,8 +37,10 @@ FINER = (0.25, 0.125, 0.0625)
 """Shares of the time step to which it is refined, as far as predictions still change."""
 SEEN = 0.3
 """RMS change of a channel by a refinement, relative to noise, above which it is refined again."""
+COARSER = 2.0
+"""Multiple of the time step that is coarser."""
 COARSE = 3.0
-"""Mean change by a doubled time step, relative to drift and noise, up to which it is accurate
+"""Mean change by a coarser time step, relative to drift and noise, up to which it is accurate
 enough for differences between replays."""
 
 
@@ -52,6 +54,22 @@ class Expansion(NamedTuple):
 
     parts: tuple[Part, ...] = ()
     shift: Floats | float = 0.0
+
+
+class StepError(NamedTuple):
+    """Error of replays due to the time step in SI units; each array has the shape (n,).
+
+    Attributes:
+        drift: what finer steps would change, by Richardson extrapolation from a half and a quarter
+            of the step, and from smaller ones until this changes no more.
+        last: change of the extrapolation with the last halving of the step.
+        curvature: error of a replay at half the time step, less half of `drift`; it is zero where
+            the error is in proportion to the step.
+    """
+
+    drift: Floats
+    last: Floats
+    curvature: Floats
 
 
 class Replayer:
@@ -80,6 +98,7 @@ class Replayer:
         self.own_step = False
         self._cache = RecordCache()
         self._coarse: bool | None = None
+        self._at_steps: dict[float, System] = {}
         if not study.inverse:
             study = self._settle_unknowns(study)
         self._pool = (
@@ -103,7 +122,7 @@ class Replayer:
 
         def predict(study: Study) -> Floats:
             self.system = replace(self.system, study=study)
-            return self._replay([], False, None).prediction
+            return self._replay([], 1.0, None).prediction
 
         try:
             study = with_likelier_start(study, self.measured, predict)
@@ -131,12 +150,12 @@ class Replayer:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def replay(self, hypothesis: Hypothesis, coarse: bool = False) -> Replay:
+    def replay(self, hypothesis: Hypothesis, step: float = 1.0) -> Replay:
         """Replay the study under a hypothesis.
 
         Args:
             hypothesis: candidates with their values.
-            coarse: whether to double the model's time step.
+            step: physics step, relative to the model's.
 
         Returns:
             The predicted readings and the simulated signals.
@@ -147,10 +166,10 @@ class Replayer:
         logs = dict.fromkeys(candidate.location.log for candidate, _ in hypothesis)
         own = [log for log in logs if log]
         if own:
-            return self._stitch(hypothesis, own, coarse)
-        return self._replay(hypothesis, coarse, None)
+            return self._stitch(hypothesis, own, step)
+        return self._replay(hypothesis, step, None)
 
-    def _stitch(self, hypothesis: Hypothesis, logs: Sequence[str], coarse: bool) -> Replay:
+    def _stitch(self, hypothesis: Hypothesis, logs: Sequence[str], step: float) -> Replay:
         """Replay each of some logs with its own causes, and all others without these."""
         study = self.system.study
         episodes = {log: study.episodes_of(log) for log in logs}
@@ -161,74 +180,75 @@ class Replayer:
         for log, some in {"": rest, **episodes}.items():
             if not some:
                 continue
-            found = self._replay(in_log(hypothesis, log), coarse, some)
+            found = self._replay(in_log(hypothesis, log), step, some)
             at = np.isin(self.measured.episode, some)
             prediction[at] = found.prediction[at]
             records.update(zip(some, found.records, strict=True))
         return Replay(prediction, tuple(records[e] for e in sorted(records)))
 
-    def _replay(self, hypothesis: Hypothesis, coarse: bool, only: Collection[int] | None) -> Replay:
+    def _replay(self, hypothesis: Hypothesis, step: float, only: Collection[int] | None) -> Replay:
         study = self.system.study
         try:
-            plant = self.light_plant(hypothesis)
+            plant = self.light_plant(hypothesis, 1.0 if study.inverse else step)
             if study.inverse:
                 return inverse_replay(plant, study, self.measured, only)
-            if coarse:
-                plant.spec.option.timestep *= 2
-            return replay(plant, study, self.measured, self._cache, only)
+            return replay(plant, study, self.measured, self._cache if step >= 1.0 else None, only)
         except ValueError as error:  # MuJoCo's, if the model does not compile
             names = " and ".join(str(candidate) for candidate, _ in hypothesis)
             raise StudyError(f"the model with {names} does not compile: {error}") from error
 
     @property
     def drift(self) -> Floats:
-        """Error of the nominal replay due to the time step in SI units, shape (n,).
+        """Error of replays due to the time step in SI units, shape (n,); see `StepError`.
 
-        This part of the gap belongs to the integrator, not to the model. It is found by Richardson
-        extrapolation from a half and a quarter of the step, and from smaller ones until this
-        changes no more. It is zero if the log has the model's own step.
+        This part of the gap belongs to the integrator, not to the model. It is zero if the log has
+        the model's own step.
         """
-        return self._drifts[0] * (not self.own_step)
+        return self.step_error.drift * (not self.own_step)
 
     @property
     def drift_error(self) -> Floats:
         """Change of the extrapolation with the last halving of the step in SI units, shape (n,)."""
-        return self._drifts[1] * (not self.own_step)
+        return self.step_error.last * (not self.own_step)
 
     @property
     def drift_curvature(self) -> Floats:
-        """Error of a replay at half the time step, less half of `drift`, in SI units, shape (n,).
-
-        It is zero where the error is in proportion to the step.
-        """
-        return self._drifts[2] * (not self.own_step)
+        """Part of the error that is not in proportion to the step in SI units, shape (n,)."""
+        return self.step_error.curvature * (not self.own_step)
 
     @cached_property
-    def _drifts(self) -> tuple[Floats, Floats, Floats]:
-        study, zero = self.system.study, np.zeros(len(self.measured.value))
-        if study.inverse:
-            return zero, zero, zero
-        whole, half = self._at_step(1.0), self._at_step(0.5)
-        fine, error, last = 2 * half - whole, zero, half
+    def step_error(self) -> StepError:
+        """Error of replays due to the time step: that of the nominal model, unless it was set."""
+        return self.step_error_of([])
+
+    def step_error_of(self, hypothesis: Hypothesis) -> StepError:
+        """Return the error of the time step in replays of a hypothesis.
+
+        Args:
+            hypothesis: candidates with their values.
+        """
+        if self.system.study.inverse:
+            return StepError(*np.zeros((3, len(self.measured.value))))
+
+        def at_step(share: float) -> Floats:
+            return self.replay(hypothesis, share).prediction
+
+        whole, half = at_step(1.0), at_step(0.5)
+        fine, error, last = 2 * half - whole, np.zeros(len(whole)), half
         for share in FINER:
-            finer = self._at_step(share)
+            finer = at_step(share)
             error, fine, last = 2 * finer - last - fine, 2 * finer - last, finer
             if not self._is_seen(error):
                 break
         drift = np.nan_to_num(fine - whole)
-        return drift, np.nan_to_num(error), np.nan_to_num(fine - half) - 0.5 * drift
+        curvature = np.nan_to_num(fine - half) - 0.5 * drift
+        return StepError(drift, np.nan_to_num(error), curvature)
 
     def _is_seen(self, error: Floats) -> bool:
         """Return whether an error of predictions (n,) is seen beside the noise of any channel."""
         channel = self.measured.channel
         squares = np.bincount(channel, (error / self.measured.noise) ** 2)
         return bool(np.any(squares > SEEN**2 * np.bincount(channel)))
-
-    def _at_step(self, share: float) -> Floats:
-        """Return the nominal prediction at a share of the model's time step, shape (n,)."""
-        plant = self.light_plant([])
-        plant.spec.option.timestep *= share
-        return replay(plant, self.system.study, self.measured).prediction
 
     def change_of_start(self, moved: Study) -> Floats:
         """Return how the nominal prediction changes if the same study begins in other states.
@@ -247,9 +267,22 @@ class Replayer:
         """Build the study's model with the usual effects and a hypothesis."""
         return build(self.system, [*self.usual, *hypothesis])
 
-    def light_plant(self, hypothesis: Hypothesis) -> Plant:
-        """Build the same plant without visual elements; see `light_spec`."""
-        return build(self.system, [*self.usual, *hypothesis], self._light)
+    def light_plant(self, hypothesis: Hypothesis, step: float = 1.0) -> Plant:
+        """Build the same plant without visual elements; see `light_spec`.
+
+        Args:
+            hypothesis: candidates with their values.
+            step: physics step, relative to the model's.
+        """
+        return build(self._at(step), [*self.usual, *hypothesis], self._light)
+
+    def _at(self, step: float) -> System:
+        """Return the system with a physics step that is relative to the model's."""
+        if step == 1.0:
+            return self.system
+        if step not in self._at_steps:
+            self._at_steps[step] = with_step(self.system, step)
+        return self._at_steps[step]
 
     @cached_property
     def _light(self) -> mujoco.MjSpec:
@@ -308,7 +341,7 @@ class Replayer:
         if self._coarse is None:
             self._coarse = False
             if not self.system.study.inverse:
-                change = self.replay([], True).prediction - self.replay([]).prediction
+                change = self.replay([], COARSER).prediction - self.replay([]).prediction
                 scale = np.abs(self.drift) + self.measured.noise
                 self._coarse = bool(
                     np.all(np.isfinite(change)) and np.mean(np.abs(change) / scale) < COARSE
@@ -343,9 +376,10 @@ class Replayer:
         return list(self._pool.map(predict, hypotheses))
 
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Floats]:
+        step = COARSER if coarse else 1.0
         if self._pool is None or len(hypotheses) < 2:
-            return (self.replay(hypothesis, coarse).prediction for hypothesis in hypotheses)
-        return self._pool.map(_predict, hypotheses, [coarse] * len(hypotheses), chunksize=1)
+            return (self.replay(hypothesis, step).prediction for hypothesis in hypotheses)
+        return self._pool.map(_predict, hypotheses, [step] * len(hypotheses), chunksize=1)
 
 
 _replayer: Replayer | None = None
@@ -364,9 +398,9 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
     _replayer = Replayer(study)
 
 
-def _predict(hypothesis: Hypothesis, coarse: bool) -> Floats:
+def _predict(hypothesis: Hypothesis, step: float) -> Floats:
     assert _replayer is not None
-    return _replayer.replay(hypothesis, coarse).prediction
+    return _replayer.replay(hypothesis, step).prediction
 
 
 def _predict_study(
@@ -375,7 +409,5 @@ def _predict_study(
     """Predict the readings of another study in units of noise, by default in a worker."""
     found = replayer or _replayer
     assert found is not None
-    plant = found.light_plant(hypothesis)
-    if found.coarse:
-        plant.spec.option.timestep *= 2
+    plant = found.light_plant(hypothesis, COARSER if found.coarse else 1.0)
     return replay(plant, study, readings).prediction / readings.noise

@@ -10,7 +10,7 @@ from reality_gap.simulation.hypothesis import Hypothesis, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Reading, Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import compile_system
+from reality_gap.study.system import compile_system, with_step
 
 
 def simulate_study(
@@ -28,9 +28,7 @@ def simulate_study(
         The study with simulated readings and the standard deviation of their noise.
     """
     readings = measured(study)
-    system = compile_system(study)
-    plant = build(system, hypothesis)
-    plant.spec.option.timestep *= step
+    plant = build(with_step(compile_system(study), step), hypothesis)
     truth = replay(plant, study, readings).prediction
     noisy = truth + readings.noise * rng.standard_normal(len(truth))
     episodes = []

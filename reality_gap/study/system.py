@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -61,6 +62,13 @@ class System:
     def tendon(self, name: str) -> ActuatedTendon:
         """Return the actuated tendon of this name."""
         return next(tendon for tendon in self.tendons if tendon.name == name)
+
+
+def with_step(system: System, step: float) -> System:
+    """Return the same system with another physics step, relative to that of its model."""
+    model = copy(system.model)
+    model.opt.timestep *= step
+    return replace(system, model=model)
 
 
 def compile_system(study: Study) -> System:

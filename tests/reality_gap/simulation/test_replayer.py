@@ -14,7 +14,7 @@ from reality_gap.causes.base import Cause, Location, Parameter, Record, Values
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import RecordCache, replay
-from reality_gap.simulation.replayer import Replayer
+from reality_gap.simulation.replayer import COARSER, Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.system import System, compile_system
@@ -237,7 +237,7 @@ def test_another_study_of_the_machine_is_predicted_alike_by_processes(
 
     np.testing.assert_array_equal(found, Replayer(study).predictions(other, hypotheses))
     own = Replayer(study)
-    predicted = Replayer(other).replay([], coarse=own.coarse).prediction
+    predicted = Replayer(other).replay([], step=COARSER if own.coarse else 1.0).prediction
     np.testing.assert_array_equal(found[0], predicted / NOISE)
     assert rms(found[1] - found[0]) > 1.0
 
@@ -280,10 +280,26 @@ def test_what_does_not_compile_is_named(replayer: Replayer) -> None:
 
 def test_a_slow_machine_may_be_replayed_coarsely(replayer: Replayer) -> None:
     """Twice the step has twice the error, so that the change is as large as the drift."""
-    change = replayer.replay([], coarse=True).prediction - replayer.replay([]).prediction
+    change = replayer.replay([], step=COARSER).prediction - replayer.replay([]).prediction
 
     assert replayer.coarse
     assert rms(change) == pytest.approx(rms(replayer.drift), rel=0.15)
+
+
+@pytest.mark.parametrize("step", [0.25, 2.0])
+def test_a_delay_within_a_step_is_as_long_at_other_steps(tmp_path: Path, step: float) -> None:
+    """Causes know the step of the replay: 3 ms are less than one step of 4 ms and three of 1 ms."""
+    study = carriage(tmp_path)
+    replayer = Replayer(study)
+    delay, motor = causes.find_cause("delay"), Location("actuator", ("motor",))
+    candidate = Candidate(delay, motor, delay.parameters(replayer.system, motor))
+
+    def change(step: float) -> Floats:
+        late = replayer.replay([(candidate, {"delay": 0.003})], step).prediction
+        return late - replayer.replay([], step).prediction
+
+    assert rms(change(1.0)) > 1e-6
+    np.testing.assert_allclose(change(step), change(1.0), atol=0.1 * rms(change(1.0)))
 
 
 def test_a_machine_that_diverges_at_twice_the_step_may_not(tmp_path: Path) -> None:
