@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +20,12 @@ from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import TimeLimitError
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
+from reality_gap.inference.effort_times import (
+    delay_of_efforts,
+    diagnosis_of_earlier,
+    half_sample,
+    with_efforts_earlier,
+)
 from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
@@ -90,32 +96,55 @@ def diagnose(
     Raises:
         TimeLimitError: there is no verdict within the limit of time.
     """
-    begin = time.monotonic()
     options = options or Options()
     options = replace(options, search=options.search.for_log(study.duration))
-    doing = "preparing the study"
-
-    def show(share: float, text: str) -> None:
-        nonlocal doing
-        doing = text
-        progress(share, text)
-
-    def tick() -> None:
-        if time.monotonic() - begin > options.time_limit:
-            raise TimeLimitError(options.time_limit, doing)
-
-    with Replayer(study, jobs, tick) as replayer:
-        show(0.0, "replaying the nominal model")
-        null = replayer.residual([])
-        run = _Run(replayer, null, list(causes or CATALOGUE.values()), options, show)
-        groups = run.fit_groups(null, options.many, 0.01)
-        if groups is None or run.searches_too():
-            outcome = run.search(groups, watch, work)
-        else:
-            outcome = groups_outcome(replayer, null, groups, options.left)
-        diagnosis = _build(replayer, run.null_residual, outcome, begin)
+    task = _Task(jobs, progress, list(causes or CATALOGUE.values()), options, watch, work)
+    found = task.diagnose(study)
+    delay = delay_of_efforts(found)
+    late = 0.0 if delay is None else half_sample(study, delay)
+    if late:
+        again = task.diagnose(with_efforts_earlier(study, late))
+        if delay_of_efforts(again) is None:
+            found = diagnosis_of_earlier(again, late)
     progress(1.0, "done")
-    return diagnosis
+    return replace(found, seconds=time.monotonic() - task.begin)
+
+
+@dataclass
+class _Task:
+    """How studies are diagnosed; the attributes are those of `diagnose`."""
+
+    jobs: int
+    progress: Progress
+    causes: Sequence[Cause]
+    options: Options
+    watch: Watch
+    work: Path | None
+    begin: float = field(default_factory=time.monotonic)
+
+    def diagnose(self, study: Study) -> Diagnosis:
+        """Find out what a study's model gets wrong."""
+        doing = "preparing the study"
+
+        def show(share: float, text: str) -> None:
+            nonlocal doing
+            doing = text
+            self.progress(share, text)
+
+        def tick() -> None:
+            if time.monotonic() - self.begin > self.options.time_limit:
+                raise TimeLimitError(self.options.time_limit, doing)
+
+        with Replayer(study, self.jobs, tick) as replayer:
+            show(0.0, "replaying the nominal model")
+            null = replayer.residual([])
+            run = _Run(replayer, null, self.causes, self.options, show)
+            groups = run.fit_groups(null, self.options.many, 0.01)
+            if groups is None or run.searches_too():
+                outcome = run.search(groups, self.watch, self.work)
+            else:
+                outcome = groups_outcome(replayer, null, groups, self.options.left)
+            return _build(replayer, run.null_residual, outcome)
 
 
 @dataclass(frozen=True)
@@ -265,8 +294,7 @@ def _not_judged(
     return (*invisible, *((name, ABSENT) for name in CATALOGUE if name not in existing))
 
 
-def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> Diagnosis:
-    """Build the diagnosis that began at the time ``begin`` of `time.monotonic`."""
+def _build(replayer: Replayer, null: Floats, outcome: Outcome) -> Diagnosis:
     hypothesis, system = outcome.hypothesis, replayer.system
     plant = replayer.plant(hypothesis) if hypothesis else build(system, [])
     return Diagnosis(
@@ -289,7 +317,7 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         traces=traces(replayer, null, outcome.residual),
         effects=tuple(part for part in hypothesis if has_effects(system, *part)),
         extended_xml=plant.spec.to_xml(),
-        seconds=time.monotonic() - begin,
+        seconds=0.0,
         measures=outcome.measures,
         criteria=outcome.criteria,
         waterfall=outcome.waterfall,

@@ -3,18 +3,17 @@
 Residuals are those of a machine in continuous time: the error of the time step is extrapolated away
 (`Replayer.drift`). A log that was simulated with the same step has this error, too. Its causes are
 found in either case, because a part of the error is tolerated; with them, the readings decide.
+Where efforts are compared, nothing is integrated, but dry friction of a simulated log is softer
+than that of a machine, and the readings decide about this.
 """
 
 from __future__ import annotations
-
-from functools import partial
 
 import numpy as np
 
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit, fit_stepwise, null_fit, run_together
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.theta import prior_weights
 from reality_gap.types import Floats
 
 LIKELIER = 3.0
@@ -39,23 +38,23 @@ def settle_step(found: Search) -> bool:
     if has_own_step(found):
         replayer.own_step = True
         return True
-    nominal = replayer.drift
-    if found.best.is_null or not _is_seen(found.problem, nominal):
+    nominal, noise = replayer.drift, found.problem.measured.noise
+    if found.best.is_null or not _is_seen(nominal / noise):
         return False
     error = replayer.step_error_of(found.best.hypothesis)
-    if not _is_seen(found.problem, error.drift - nominal):
+    if not _is_seen((error.drift - nominal) / noise):
         return False
     replayer.step_error = error
     return True
 
 
-def _is_seen(problem: Problem, change: Floats) -> bool:
-    """Return whether a change of the predictions (n,) in SI units is seen beside the noise."""
-    return 0.5 * _squares(change / problem.measured.noise) > LIKELIER
+def _is_seen(change: Floats) -> bool:
+    """Return whether a change of residuals (n,) is seen beside the noise."""
+    return 0.5 * _squares(change) > LIKELIER
 
 
 def has_own_step(found: Search) -> bool:
-    """Return whether the log is likelier with the model's own time step.
+    """Return whether the log is likelier with the model's own time step, or with soft friction.
 
     The likeliest causes are fitted again without the extrapolation. So are their alternatives,
     because the error of the step may be what made them less likely.
@@ -64,29 +63,30 @@ def has_own_step(found: Search) -> bool:
         found: a search with the extrapolation.
     """
     problem, replayer = found.problem, found.problem.replayer
-    if not _is_seen(problem, replayer.drift):
-        return False
     others = [one for step in found.steps[-2:] for one in step.tried[:OTHERS]]
     likely = [one for one in (found.best, *others) if not one.is_null]
-    change = replayer.drift / problem.measured.noise
     replayer.own_step = True
     try:
-        own = Problem(replayer, problem.null_residual + change, problem.noise_model)
+        null = replayer.residual([])
+        if not _is_seen(null - problem.null_residual):
+            return False
+        own = Problem(replayer, null, problem.noise_model)
         fits = [fit_stepwise(own, one.hypothesis) for one in likely]
         found_own = [null_fit(own), *run_together(replayer, fits)]
     finally:
         replayer.own_step = False
-    best = min(found_own, key=partial(_cost, own))
+    best = max(found_own, key=lambda one: one.evidence)
     bare = _squares(found.best.residual) - _squares(best.residual)
     if _squares(best.residual) > NOISE**2 * len(best.residual):
         return False
-    return _cost(problem, found.best) > _cost(own, best) and 0.5 * bare > LIKELIER
+    likelier = _likelihood(own, best) > _likelihood(problem, found.best)
+    return likelier and 0.5 * bare > LIKELIER
 
 
-def _cost(problem: Problem, fitted: Fit) -> float:
-    """Return half the squares of the whitened residual and of the weighted theta [nats]."""
-    weighted: Floats = prior_weights(fitted.hypothesis) * fitted.theta
-    return 0.5 * (_squares(problem.noise_model.whiten(fitted.residual)) + _squares(weighted))
+def _likelihood(problem: Problem, fitted: Fit) -> float:
+    """Return the log likelihood of the readings, except for a constant [nats]."""
+    null = problem.noise_model.whiten(problem.null_residual)
+    return fitted.evidence - 0.5 * _squares(null)
 
 
 def _squares(values: Floats) -> float:

@@ -101,6 +101,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         together=flat_rows(diagnosis.flat, False),
         only=[c.title for c in diagnosis.causes if c.candidate.location.log],
         model=study.model.name,
+        inverse=study.inverse,
         fingerprint=hashlib.sha256(study.model.read_bytes()).hexdigest()[:16],
         versions=f"mujoco {mujoco.__version__}, numpy {np.__version__}, scipy {scipy.__version__}",
     )

@@ -152,7 +152,11 @@ def left_out(study: Study) -> list[str]:
 
 
 def inverse_replay(
-    plant: Plant, study: Study, measured: Measured, only: Collection[int] | None = None
+    plant: Plant,
+    study: Study,
+    measured: Measured,
+    only: Collection[int] | None = None,
+    soft: bool = False,
 ) -> Replay:
     """Compute the efforts that a plant needs for the measured motion.
 
@@ -161,6 +165,8 @@ def inverse_replay(
         study: a prepared study; see `prepare`.
         measured: the readings of that study.
         only: indices of the episodes to compute; by default all.
+        soft: whether dry friction changes its sign before the velocity, as in simulations; see
+            `_stiffen_dry_friction`.
 
     Returns:
         The predicted efforts and the simulated signals.
@@ -169,7 +175,8 @@ def inverse_replay(
         StudyError: the study is not prepared.
     """
     model = plant.spec.compile()
-    _stiffen_dry_friction(model)
+    if not soft:
+        _stiffen_dry_friction(model)
     dofs = [_dof(model, channel) for channel in study.channels]
     prediction = np.full(len(measured.value), np.nan)
     records = []

@@ -85,8 +85,9 @@ class Replayer:
         measured: all readings of the study.
         tick: called after each replay.
         expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
-        own_step: whether the log has the model's own time step, as a simulated one may, so that
-            predictions are not extrapolated to finer steps.
+        own_step: whether the log is a simulated one with the model's own time step, so that
+            predictions are not extrapolated to finer steps, and dry friction is as soft as in
+            simulations where efforts are compared.
     """
 
     def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
@@ -191,7 +192,7 @@ class Replayer:
         try:
             plant = self.light_plant(hypothesis, 1.0 if study.inverse else step)
             if study.inverse:
-                return inverse_replay(plant, study, self.measured, only)
+                return inverse_replay(plant, study, self.measured, only, self.own_step)
             return replay(plant, study, self.measured, self._cache if step >= 1.0 else None, only)
         except ValueError as error:  # MuJoCo's, if the model does not compile
             names = " and ".join(str(candidate) for candidate, _ in hypothesis)
@@ -352,7 +353,8 @@ class Replayer:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
         parts, shift = self.expansion
         found = []
-        for prediction in self._predictions([[*parts, *one] for one in hypotheses], coarse):
+        all_parts = [[*parts, *one] for one in hypotheses]
+        for prediction in self._predictions(all_parts, COARSER if coarse else 1.0):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
             found.append(residual + shift)
             self.tick()
@@ -375,11 +377,10 @@ class Replayer:
             return [predict(one, self) for one in hypotheses]
         return list(self._pool.map(predict, hypotheses))
 
-    def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Floats]:
-        step = COARSER if coarse else 1.0
+    def _predictions(self, hypotheses: Sequence[Hypothesis], step: float) -> Iterator[Floats]:
         if self._pool is None or len(hypotheses) < 2:
             return (self.replay(hypothesis, step).prediction for hypothesis in hypotheses)
-        return self._pool.map(_predict, hypotheses, [step] * len(hypotheses), chunksize=1)
+        return self._pool.map(partial(_predict, step, self.own_step), hypotheses, chunksize=1)
 
 
 _replayer: Replayer | None = None
@@ -398,8 +399,9 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
     _replayer = Replayer(study)
 
 
-def _predict(hypothesis: Hypothesis, step: float) -> Floats:
+def _predict(step: float, own_step: bool, hypothesis: Hypothesis) -> Floats:
     assert _replayer is not None
+    _replayer.own_step = own_step
     return _replayer.replay(hypothesis, step).prediction
 
 
