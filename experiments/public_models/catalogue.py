@@ -21,6 +21,8 @@ class PublicModel(NamedTuple):
         torques: whether the machine follows its motion by a controller, and its torques are logged
             in place of commands.
         home: positions of joints from which the machine starts; by default the model's [m or rad].
+        merged: whether the package merges the file into a scene (robosuite's base.xml), which has
+            angles in radians, and inertias of the geoms of group 0.
     """
 
     file: str
@@ -28,6 +30,7 @@ class PublicModel(NamedTuple):
     without: tuple[str, ...] = ()
     torques: bool = False
     home: Mapping[str, float] | None = None
+    merged: bool = False
 
 
 PLANAR = ("rootx", "rootz", "rooty")
@@ -60,33 +63,53 @@ MODELS: dict[str, PublicModel] = {
         f"{_ROBOTS}/ur5e/robot.xml",
         "arm",
         torques=True,
+        merged=True,
         home={"shoulder_lift_joint": -1.2, "elbow_joint": 1.4, "wrist_1_joint": -0.6},
     ),
     "panda": PublicModel(
-        f"{_ROBOTS}/panda/robot.xml", "arm", torques=True, home={"joint4": -1.8, "joint6": 1.9}
+        f"{_ROBOTS}/panda/robot.xml",
+        "arm",
+        torques=True,
+        merged=True,
+        home={"joint4": -1.8, "joint6": 1.9},
     ),
     "sawyer": PublicModel(
-        f"{_ROBOTS}/sawyer/robot.xml", "arm", torques=True, home={"right_j1": -0.6, "right_j3": 1.2}
+        f"{_ROBOTS}/sawyer/robot.xml",
+        "arm",
+        torques=True,
+        merged=True,
+        home={"right_j1": -0.6, "right_j3": 1.2},
     ),
     "iiwa": PublicModel(
-        f"{_ROBOTS}/iiwa/robot.xml", "arm", torques=True, home={"joint_2": 0.6, "joint_4": -1.3}
+        f"{_ROBOTS}/iiwa/robot.xml",
+        "arm",
+        torques=True,
+        merged=True,
+        home={"joint_2": 0.6, "joint_4": -1.3},
     ),
     "kinova3": PublicModel(
         f"{_ROBOTS}/kinova3/robot.xml",
         "arm",
         torques=True,
+        merged=True,
         home={"Actuator2": 0.6, "Actuator4": 1.3},
     ),
     "xarm7": PublicModel(
-        f"{_ROBOTS}/xarm7/robot.xml", "arm", torques=True, home={"joint2": -0.3, "joint4": 1.0}
+        f"{_ROBOTS}/xarm7/robot.xml",
+        "arm",
+        torques=True,
+        merged=True,
+        home={"joint2": -0.3, "joint4": 1.0},
     ),
-    "panda_gripper": PublicModel(f"{_GRIPPERS}/panda_gripper.xml", "gripper"),
-    "rethink_gripper": PublicModel(f"{_GRIPPERS}/rethink_gripper.xml", "gripper"),
-    "bd_gripper": PublicModel(f"{_GRIPPERS}/bd_gripper.xml", "gripper"),
-    "jaco_gripper": PublicModel(f"{_GRIPPERS}/jaco_three_finger_gripper.xml", "gripper"),
-    "robotiq_140": PublicModel(f"{_GRIPPERS}/robotiq_gripper_140.xml", "gripper"),
-    "inspire_hand": PublicModel(f"{_GRIPPERS}/inspire_right_hand.xml", "hand"),
-    "fourier_hand": PublicModel(f"{_GRIPPERS}/fourier_right_hand.xml", "hand"),
+    "panda_gripper": PublicModel(f"{_GRIPPERS}/panda_gripper.xml", "gripper", merged=True),
+    "rethink_gripper": PublicModel(f"{_GRIPPERS}/rethink_gripper.xml", "gripper", merged=True),
+    "bd_gripper": PublicModel(f"{_GRIPPERS}/bd_gripper.xml", "gripper", merged=True),
+    "jaco_gripper": PublicModel(
+        f"{_GRIPPERS}/jaco_three_finger_gripper.xml", "gripper", merged=True
+    ),
+    "robotiq_140": PublicModel(f"{_GRIPPERS}/robotiq_gripper_140.xml", "gripper", merged=True),
+    "inspire_hand": PublicModel(f"{_GRIPPERS}/inspire_right_hand.xml", "hand", merged=True),
+    "fourier_hand": PublicModel(f"{_GRIPPERS}/fourier_right_hand.xml", "hand", merged=True),
     "myo_finger": PublicModel(f"{_MYO}/finger/myofinger_v0.xml", "muscles"),
     "myo_elbow": PublicModel(f"{_MYO}/elbow/myoelbow_1dof6muscles.xml", "muscles"),
 }

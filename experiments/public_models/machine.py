@@ -66,6 +66,9 @@ def make_machine(path: Path, model: PublicModel) -> Machine:
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        if model.merged:
+            spec.compiler.degree, spec.compiler.autolimits = 0, 1
+            spec.compiler.inertiagrouprange = (0, 0)
         spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())

@@ -71,6 +71,7 @@ class SearchHints:
         nearby: differences from a fitted value from which further fits start, because the misfit
             has minima side by side, as where a machine sticks or is sampled.
         shape: whether the parameter has no effect while the others are at their null values.
+        screened: values of a shape at which the others are screened, in addition to its null.
         period: for the period of an event that repeats, where its times are counted from: the start
             of the "study" or of each "episode". Only those starts are screened at which the data
             repeat most; starts of other times belong to the largest period and scale with it.
@@ -81,6 +82,7 @@ class SearchHints:
     far_starts: tuple[float, ...] = ()
     nearby: tuple[float, ...] = ()
     shape: bool = False
+    screened: tuple[float, ...] = ()
     period: Literal["study", "episode"] | None = None
 
 

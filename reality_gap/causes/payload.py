@@ -2,7 +2,8 @@
 
 It is a small ball at a site of the last link that is not part of a tendon's path, such as a grip.
 Without such a site it is on the line from the centre of mass of the heaviest body of the link to
-the far end of the link, if these are apart: ``along`` is 0 at the one and 1 at the other.
+the far end of the link, if these are apart: ``along`` is 0 at the one and 1 at the other, and
+negative on the other side of the centre of mass.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ RADIUS = 0.03
 """Radius of the ball over the size of the largest link; it determines the ball's inertia only."""
 
 BEYOND = 1.5
-"""Largest position of a payload on its line."""
+"""Largest position of a payload on its line, to either side."""
 APART = 0.2
 """Least distance of the far end from the centre of mass, over that from the begin of the link."""
 _WRAP = mujoco.mjtWrap
@@ -93,11 +94,13 @@ def _far_end(system: System, location: Location) -> Floats | None:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     force = typical_scales.end_force(system, location.elements[0])
     size = force / machine_size.weight(system.model, 1.0)
-    mass = Parameter("mass", "kg", 0.03 * size, 0.0003 * size, 0.0, 6 * size)
+    own = links.link(system, system.model.body(location.elements[0]).id).mass
+    scale, most = max(0.03 * size, 0.1 * own), max(6.0 * size, 3.0 * own)
+    mass = Parameter("mass", "kg", scale, 0.0003 * size, 0.0, most)
     if location.note or _far_end(system, location) is None:
         return (mass,)
-    hints = SearchHints(shape=True)
-    return mass, Parameter("along", "1", 0.2, 0.0, 0.0, BEYOND, null=1.0, hints=hints)
+    hints = SearchHints(shape=True, screened=(0.0,))
+    return mass, Parameter("along", "1", 0.2, 0.0, -BEYOND, BEYOND, null=1.0, hints=hints)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -173,7 +173,8 @@ def _trials(candidate: Candidate, find: FindPeriods) -> list[_Trial]:
 
     A parameter with starts is fixed at each of them while the others change. If it is the only one,
     the secants to its starts are taken. The secants of a parameter are taken in addition, with the
-    first start of each other one. Of the starts of a period, those are used that ``find`` returns.
+    first start of each other one, and so are other values of a shape. Of the starts of a period,
+    those are used that ``find`` returns.
     """
     with_starts = [p for p in candidate.parameters if p.hints.starts]
     free = [p for p in candidate.parameters if not p.hints.starts]
@@ -188,7 +189,20 @@ def _trials(candidate: Candidate, find: FindPeriods) -> list[_Trial]:
     ]
     for p in candidate.parameters:
         trials += _secants(candidate, p, p.hints.secants)
+        trials += _with_shapes(trials, p)
     return trials
+
+
+def _with_shapes(trials: Sequence[_Trial], p: Parameter) -> list[_Trial]:
+    """Return the first of some trials with other values of a shape."""
+    found = []
+    for shape in p.hints.screened:
+        first = trials[0]
+        others = [i for i, name in enumerate(first.names) if name != p.name]
+        names = tuple(first.names[i] for i in others)
+        values = tuple(first.values[i] for i in others)
+        found.append(_Trial(first.candidate, first.fixed | {p.name: shape}, names, values))
+    return found
 
 
 def _starts(parameters: Sequence[Parameter], find: FindPeriods) -> Iterator[dict[str, float]]:

@@ -18,7 +18,7 @@ from experiments.public_models.catalogue import MODELS, PublicModel, find
 from experiments.public_models.machine import Machine, make_machine, with_payload
 from experiments.public_models.motion import Motion
 from experiments.public_models.run import Args
-from experiments.public_models.study import noise_of, payload_mass, write_study
+from experiments.public_models.study import Noise, noise_of, payload_mass, write_study
 from experiments.public_models.tables import false_names, is_right, metrics, sure_and_wrong
 from reality_gap import load_study
 from reality_gap.simulation.replayer import Replayer
@@ -112,6 +112,25 @@ def test_the_study_is_that_of_the_model_and_a_payload_has_the_wanted_effect(
     assert 5.0 <= effect <= 20.0
     change = (motion.log(mass).readings - nominal.readings) / noise.stated()
     assert np.sqrt(np.mean(change**2)) == pytest.approx(effect)
+
+
+def test_a_payload_is_heavier_than_what_a_model_may_be_wrong_by(folder: Path) -> None:
+    """On a machine whose readings are very accurate, its effect is larger than usual."""
+    found = machine(folder)
+    motion = Motion(found, 3, 3.0)
+    noise = noise_of(found, motion.log(0.0), quantised=False)
+    accurate = Noise(noise.size / 1000.0, noise.torque, noise.steps)
+    mass, effect = payload_mass(motion, accurate)
+    assert mass == pytest.approx(0.05 * 0.5)
+    assert effect > 20.0
+
+
+def test_a_merged_file_has_the_units_of_its_package(folder: Path) -> None:
+    path = folder / "robots" / "leg.xml"
+    path.write_text(MODEL.replace('<compiler angle="radian"/>', "").replace(' limited="true"', ""))
+    found = machine(folder, ENTRY._replace(merged=True)).spec.copy().compile()
+    assert found.joint("hip").range == pytest.approx([-2.0, 2.0])
+    assert found.jnt_limited[found.joint("hip").id]
 
 
 def test_motions_are_made_smaller_until_no_joint_reaches_its_stop(folder: Path) -> None:

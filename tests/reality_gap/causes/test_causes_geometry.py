@@ -248,7 +248,7 @@ def test_without_a_site_a_payload_is_on_the_line_to_the_far_end(
     (tmp_path / "arm.xml").write_text(END.format(geom=geom))
     system = system_of(tmp_path / "arm.xml")
     [location] = find_cause("payload").locations(system)
-    for along in (0.0, 0.5, 1.0, 1.2):
+    for along in (-0.5, 0.0, 0.5, 1.0, 1.2):
         model = plant_with(system, "payload", location, mass=0.1, along=along).spec.compile()
         ball = model.body("payload_of_arm").pos
         assert ball == pytest.approx([centre + along * (end - centre), 0, 0], abs=1e-6)
