@@ -14,6 +14,9 @@ from reality_gap.causes.support import elements, typical_scales
 from reality_gap.causes.support.shared_amounts import BEYOND
 from reality_gap.study.system import System
 
+FAR = (0.3, 1.0)
+"""Stiffnesses from which fits start where slopes at the null do not hold, over the typical force
+over the range of the joint."""
 NOMINAL = "spring of the model"
 """Note of a location where the stiffness of the nominal spring is wrong."""
 
@@ -35,8 +38,10 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     zero = float(model.qpos0[joint.qposadr[0]])
     starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))
     stiff = size / travel
+    far = SearchHints(far_starts=tuple(share * stiff for share in FAR))
+    sizes = 0.05 * stiff, 0.0005 * stiff, 0.0, 5.0 * stiff
     return (
-        Parameter("stiffness", f"{force}/{unit}", 0.05 * stiff, 0.0005 * stiff, 0.0, 5.0 * stiff),
+        Parameter("stiffness", f"{force}/{unit}", *sizes, hints=far),
         Parameter(
             "rest",
             unit,

@@ -20,7 +20,12 @@ from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity, screen
-from reality_gap.inference.settling import Settled, settle, whitened_power
+from reality_gap.inference.settling import (
+    Settled,
+    settle,
+    whitened_power,
+    without_needless,
+)
 from reality_gap.simulation.hypothesis import Hypothesis
 
 LONG = 20.0
@@ -128,8 +133,13 @@ class Search:
 
     @property
     def singles(self) -> tuple[Fit, ...]:
-        """Fits of single candidates that have enough evidence to be causes."""
-        return tuple(f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE)
+        """Fits of single candidates that have enough evidence to be causes.
+
+        They are those of the first step, and of a later one that made the first cause needless.
+        """
+        first = [f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE]
+        later = [f for s in self.steps[1:] for f in s.tried[:1] if len(f.hypothesis) == 1]
+        return (*first, *later)
 
     def step_beside(self, others: Hypothesis) -> Step | None:
         """Return the step that tried candidates beside exactly these others, if there is one."""
@@ -241,7 +251,9 @@ def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
         fits = [fit_stepwise(problem, f.hypothesis, f.jacobian) for f in close]
-        done, rest = done + run_together(problem.replayer, fits), rest[len(close) :]
+        polished = run_together(problem.replayer, fits)
+        done += without_needless([problem] * len(polished), polished)
+        rest = rest[len(close) :]
 
 
 def _anticipate(

@@ -7,8 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reality_gap.inference.gauss_newton import Fit, fit_stepwise, profile, rescore, run_together
+from reality_gap.inference.gauss_newton import (
+    Fit,
+    fit,
+    fit_stepwise,
+    profile,
+    rescore,
+    run_together,
+)
 from reality_gap.inference.problem import Problem
+from reality_gap.inference.theta import is_tolerable
 from reality_gap.types import Floats
 
 SETTLINGS = 3
@@ -48,6 +56,7 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
         tried: fits of ``base`` with one candidate more each, best first.
         base: the causes so far.
     """
+    tried = without_needless([plain] * len(tried), tried)
     problem = plain.inflated(tried[0].residual)
     if not problem.noise_model.is_far:
         return Settled(problem, rescored(problem, tried), rescore(problem, base), False)
@@ -63,9 +72,31 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
         own = [bare.widened(f.residual) for f in first]
         if all(_left(a) > STABLE * _left(b) for a, b in zip(own, before, strict=True)):
             break
+    first = without_needless(own, first)
     ordered = sorted((profile(bare, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
     best = plain.inflated(ordered[0].residual)
     return Settled(best, tuple(ordered), profile(bare, base), True)
+
+
+def without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple[Fit, ...]:
+    """Return fits without those of their causes that the last one makes needless.
+
+    The first cause may be chosen because slopes at the null do not lead to the right one. Beside
+    that one, it is within its tolerance, and no cause.
+
+    Args:
+        problems: what each of them explains.
+        fits: the fits.
+    """
+    found = []
+    for problem, one in zip(problems, fits, strict=True):
+        *first, last = one.hypothesis
+        needed = [part for part in first if not is_tolerable(*part)]
+        if len(needed) < len(first) and not is_tolerable(*last):
+            found.append(fit(problem, [*needed, last]))
+        else:
+            found.append(one)
+    return tuple(found)
 
 
 def _left(problem: Problem) -> float:

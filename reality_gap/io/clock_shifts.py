@@ -73,7 +73,8 @@ def correct_clocks(
             else:
                 note(
                     f"{_sentence(part.file, lag)}: a delay of sensors or commands, motors that "
-                    "are slower than in the model, or clocks that differ"
+                    "are slower than in the model, clocks that differ, or another error of the "
+                    "model"
                 )
     if shifted:
         _write(path, file, shifted)
