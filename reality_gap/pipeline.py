@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -98,7 +98,8 @@ def diagnose(
     """
     options = options or Options()
     options = replace(options, search=options.search.for_log(study.duration))
-    task = _Task(jobs, progress, list(causes or CATALOGUE.values()), options, watch, work)
+    begin, chosen = time.monotonic(), list(causes or CATALOGUE.values())
+    task = _Task(jobs, progress, chosen, options, watch, work, begin)
     found = task.diagnose(study)
     delay = delay_of_efforts(found)
     late = 0.0 if delay is None else half_sample(study, delay)
@@ -107,12 +108,12 @@ def diagnose(
         if delay_of_efforts(again) is None:
             found = diagnosis_of_earlier(again, late)
     progress(1.0, "done")
-    return replace(found, seconds=time.monotonic() - task.begin)
+    return replace(found, seconds=time.monotonic() - begin)
 
 
 @dataclass
 class _Task:
-    """How studies are diagnosed; the attributes are those of `diagnose`."""
+    """How studies are diagnosed; the attributes are those of `diagnose`, and when it began [s]."""
 
     jobs: int
     progress: Progress
@@ -120,7 +121,7 @@ class _Task:
     options: Options
     watch: Watch
     work: Path | None
-    begin: float = field(default_factory=time.monotonic)
+    begin: float
 
     def diagnose(self, study: Study) -> Diagnosis:
         """Find out what a study's model gets wrong."""

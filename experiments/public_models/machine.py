@@ -86,12 +86,16 @@ def make_machine(path: Path, model: PublicModel) -> Machine:
 
 
 def with_payload(machine: Machine, mass: float) -> mujoco.MjSpec:
-    """Return the model with a ball of a mass [kg] at a site of the end, or its centre of mass."""
+    """Return the model with a ball of a mass [kg] at a site of the end, or its centre of mass.
+
+    Sites on the path of a tendon are no places for a payload.
+    """
     spec = machine.spec.copy()
     if mass:
         compiled = machine.spec.copy().compile()
         body = compiled.body(machine.end)
-        sites = np.flatnonzero(compiled.site_bodyid == body.id)
+        on_tendons = compiled.wrap_objid[compiled.wrap_type == int(mujoco.mjtWrap.mjWRAP_SITE)]
+        sites = np.setdiff1d(np.flatnonzero(compiled.site_bodyid == body.id), on_tendons)
         location = compiled.site_pos[sites[0]] if len(sites) else body.ipos
         ball = spec.body(machine.end).add_body(name="hidden_ball", pos=location)
         ball.mass, ball.ipos, ball.explicitinertial = mass, np.zeros(3), True

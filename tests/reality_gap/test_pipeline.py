@@ -424,7 +424,7 @@ def test_a_limit_of_time_names_the_stage(
         """Advance by an hour when the screening has begun."""
         return 3600.0 * any(stage.startswith("screening") for stage in stages)
 
-    monkeypatch.setattr("time.monotonic", clock)
+    monkeypatch.setattr("reality_gap.pipeline.time", SimpleNamespace(monotonic=clock))
     with pytest.raises(TimeLimitError, match=r"within 1800 s, while screening \d+ candidates"):
         diagnose(
             load_study(study_folder.path),

@@ -93,6 +93,11 @@ def test_objects_are_removed_and_a_payload_hangs_at_a_site(folder: Path) -> None
     assert "ball was removed." in found.notes
     heavier = with_payload(found, 0.2).compile()
     assert heavier.body("hidden_ball").pos == pytest.approx([0.0, 0.0, -0.3])
+    tendon = '<tendon><spatial><site site="camera"/><site site="end"/></spatial></tendon></mujoco>'
+    text = text.replace('<site pos="0 0 -0.3"/>', '<site name="end" pos="0 0 -0.3"/>')
+    (folder / "robots" / "leg.xml").write_text(text.replace("</mujoco>", tendon))
+    heavier = with_payload(machine(folder, ENTRY._replace(without=("ball",))), 0.2).compile()
+    assert heavier.body("hidden_ball").pos == pytest.approx([0.0, 0.0, -0.15])
 
 
 def test_the_study_is_that_of_the_model_and_a_payload_has_the_wanted_effect(
