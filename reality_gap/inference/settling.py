@@ -79,7 +79,7 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
 
 
 def without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple[Fit, ...]:
-    """Return fits without those of their causes that the last one makes needless.
+    """Return fits of two causes without the first one where the second makes it needless.
 
     The first cause may be chosen because slopes at the null do not lead to the right one. Beside
     that one, it is within its tolerance, and no cause.
@@ -91,11 +91,8 @@ def without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple[
     found = []
     for problem, one in zip(problems, fits, strict=True):
         *first, last = one.hypothesis
-        needed = [part for part in first if not is_tolerable(*part)]
-        if len(needed) < len(first) and not is_tolerable(*last):
-            found.append(fit(problem, [*needed, last]))
-        else:
-            found.append(one)
+        needless = len(first) == 1 and is_tolerable(*first[0]) and not is_tolerable(*last)
+        found.append(fit(problem, [last]) if needless else one)
     return tuple(found)
 
 

@@ -14,7 +14,7 @@ from reality_gap.causes.base import Location
 from reality_gap.report.html import page
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.simulation.replayer import COARSER, Hypothesis, Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.system import compile_system
@@ -127,7 +127,8 @@ def test_a_value_is_added_to_the_usual_friction(lever_study: Study) -> None:
 def test_predictions_of_other_studies_include_it(lever_study: Study) -> None:
     with Replayer(lever_study) as replayer:
         [found] = replayer.predictions(lever_study, [[]])
-        expected = replayer.replay([], replayer.coarse).prediction / replayer.measured.noise
+        step = COARSER if replayer.coarse else 1.0
+        expected = replayer.replay([], step).prediction / replayer.measured.noise
 
     np.testing.assert_allclose(found, expected)
 

@@ -192,10 +192,12 @@ def test_deviations_are_silent_and_a_fault_beside_them_is_not(
     assert [str(cause.candidate) for cause in found.causes] == names
     with Replayer(study) as replayer:
         replayer.own_step = bool(found.measures["own_time_step"])
+        replayer.step_error = replayer.step_error_of(fault_of(found))
         report = split(replayer.measured) == REPORT
         for parts, rms in (([], found.rms_before), (fault_of(found), found.rms_after)):
             own = np.sqrt(np.mean(replayer.residual(parts)[report] ** 2))
-            assert rms == pytest.approx(own, rel=1e-6)
+            # The error of the time step is that of the machine with the cause as it was first found.
+            assert rms == pytest.approx(own, rel=5e-3)
 
 
 def fault_of(found: Diagnosis) -> list[Part]:
