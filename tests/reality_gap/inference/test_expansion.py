@@ -196,7 +196,7 @@ def test_deviations_are_silent_and_a_fault_beside_them_is_not(
         report = split(replayer.measured) == REPORT
         for parts, rms in (([], found.rms_before), (fault_of(found), found.rms_after)):
             own = np.sqrt(np.mean(replayer.residual(parts)[report] ** 2))
-            # The error of the time step is that of the machine with the cause as it was first found.
+            # The error of the time step is that of the machine with its cause as first found.
             assert rms == pytest.approx(own, rel=5e-3)
 
 
