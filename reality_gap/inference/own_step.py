@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from reality_gap.inference.forward_selection import Search
-from reality_gap.inference.gauss_newton import Fit, fit_stepwise, null_fit, run_together
+from reality_gap.inference.gauss_newton import Fit, fit, fit_stepwise, null_fit, run_together
 from reality_gap.inference.problem import Problem
 from reality_gap.types import Floats
 
@@ -21,6 +21,9 @@ LIKELIER = 3.0
 within tolerances are not counted [nats]; with them it must not be worse."""
 NOISE = 3.0
 """RMS up to which the likeliest causes must explain a simulated log [noise]."""
+LEFT = 0.5
+"""Share of what causes leave above the noise up to which it must fall if the error of the time step
+about them was the reason."""
 OTHERS = 3
 """How many of the likeliest fits of each of the last two steps are fitted with it."""
 
@@ -34,18 +37,31 @@ def settle_step(found: Search) -> bool:
     Args:
         found: a search with the error of the nominal model.
     """
-    replayer = found.problem.replayer
     if has_own_step(found):
-        replayer.own_step = True
+        found.problem.replayer.own_step = True
         return True
-    nominal, noise = replayer.drift, found.problem.measured.noise
-    if found.best.is_null or not _is_seen(nominal / noise):
+    return not found.best.is_null and _extrapolates_about(found.problem, found.best)
+
+
+def _extrapolates_about(problem: Problem, best: Fit) -> bool:
+    """Take the error of the time step from the causes, if it is what they leave; return whether.
+
+    Where they leave much else, as on a machine that sticks, the error about them is as wrong as
+    that of the nominal model.
+    """
+    replayer, noise = problem.replayer, problem.measured.noise
+    nominal = replayer.step_error
+    if not _is_seen(nominal.drift / noise):
         return False
-    error = replayer.step_error_of(found.best.hypothesis)
-    if not _is_seen((error.drift - nominal) / noise):
+    error = replayer.step_error_of(best.hypothesis)
+    if not _is_seen((error.drift - nominal.drift) / noise):
         return False
     replayer.step_error = error
-    return True
+    about = Problem(replayer, replayer.residual([]), problem.noise_model)
+    if _excess(fit(about, best.hypothesis)) < LEFT * _excess(best):
+        return True
+    replayer.step_error = nominal
+    return False
 
 
 def _is_seen(change: Floats) -> bool:
@@ -81,6 +97,11 @@ def has_own_step(found: Search) -> bool:
         return False
     likelier = _likelihood(own, best) > _likelihood(problem, found.best)
     return likelier and 0.5 * bare > LIKELIER
+
+
+def _excess(fitted: Fit) -> float:
+    """Return the mean square of what a fit leaves, over that of noise."""
+    return _squares(fitted.residual) / len(fitted.residual) - 1.0
 
 
 def _likelihood(problem: Problem, fitted: Fit) -> float:
