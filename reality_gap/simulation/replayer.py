@@ -56,7 +56,7 @@ class Expansion(NamedTuple):
     shift: Floats | float = 0.0
 
 
-class StepError(NamedTuple):
+class Discretisation(NamedTuple):
     """Error of replays due to the time step in SI units; each array has the shape (n,).
 
     Attributes:
@@ -200,7 +200,7 @@ class Replayer:
 
     @property
     def drift(self) -> Floats:
-        """Error of replays due to the time step in SI units, shape (n,); see `StepError`.
+        """Error of replays due to the time step in SI units, shape (n,); see `Discretisation`.
 
         This part of the gap belongs to the integrator, not to the model. It is zero if the log has
         the model's own step.
@@ -218,18 +218,18 @@ class Replayer:
         return self.step_error.curvature * (not self.own_step)
 
     @cached_property
-    def step_error(self) -> StepError:
+    def step_error(self) -> Discretisation:
         """Error of replays due to the time step: that of the nominal model, unless it was set."""
         return self.step_error_of([])
 
-    def step_error_of(self, hypothesis: Hypothesis) -> StepError:
+    def step_error_of(self, hypothesis: Hypothesis) -> Discretisation:
         """Return the error of the time step in replays of a hypothesis.
 
         Args:
             hypothesis: candidates with their values.
         """
         if self.system.study.inverse:
-            return StepError(*np.zeros((3, len(self.measured.value))))
+            return Discretisation(*np.zeros((3, len(self.measured.value))))
 
         def at_step(share: float) -> Floats:
             return self.replay(hypothesis, share).prediction
@@ -243,7 +243,7 @@ class Replayer:
                 break
         drift = np.nan_to_num(fine - whole)
         curvature = np.nan_to_num(fine - half) - 0.5 * drift
-        return StepError(drift, np.nan_to_num(error), curvature)
+        return Discretisation(drift, np.nan_to_num(error), curvature)
 
     def _is_seen(self, error: Floats) -> bool:
         """Return whether an error of predictions (n,) is seen beside the noise of any channel."""
