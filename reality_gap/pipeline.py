@@ -21,9 +21,8 @@ from reality_gap.errors import TimeLimitError
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
 from reality_gap.inference.effort_times import (
-    delay_of_efforts,
     diagnosis_of_earlier,
-    half_sample,
+    half_sample_late,
     with_efforts_earlier,
 )
 from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
@@ -101,14 +100,14 @@ def diagnose(
     begin, chosen = time.monotonic(), list(causes or CATALOGUE.values())
     task = _Task(jobs, progress, chosen, options, watch, work, begin)
     found = task.diagnose(study)
-    delay = delay_of_efforts(found)
-    late = 0.0 if delay is None else half_sample(study, delay)
+    late = half_sample_late(study, found)
     if late:
-        again = task.diagnose(with_efforts_earlier(study, late))
-        if delay_of_efforts(again) is None:
-            found = diagnosis_of_earlier(again, late)
+        progress(0.0, "comparing the efforts with the motion half a sample away")
+        # The checkpoints of the first search stay, so that it is resumed.
+        again = replace(task, work=None).diagnose(with_efforts_earlier(study, late))
+        found = diagnosis_of_earlier(again, late)
     progress(1.0, "done")
-    return replace(found, seconds=time.monotonic() - begin)
+    return found
 
 
 @dataclass
@@ -145,7 +144,7 @@ class _Task:
                 outcome = run.search(groups, self.watch, self.work)
             else:
                 outcome = groups_outcome(replayer, null, groups, self.options.left)
-            return _build(replayer, run.null_residual, outcome)
+            return _build(replayer, run.null_residual, outcome, self.begin)
 
 
 @dataclass(frozen=True)
@@ -295,7 +294,8 @@ def _not_judged(
     return (*invisible, *((name, ABSENT) for name in CATALOGUE if name not in existing))
 
 
-def _build(replayer: Replayer, null: Floats, outcome: Outcome) -> Diagnosis:
+def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> Diagnosis:
+    """Build the diagnosis that began at the time ``begin`` of `time.monotonic`."""
     hypothesis, system = outcome.hypothesis, replayer.system
     plant = replayer.plant(hypothesis) if hypothesis else build(system, [])
     return Diagnosis(
@@ -318,7 +318,7 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome) -> Diagnosis:
         traces=traces(replayer, null, outcome.residual),
         effects=tuple(part for part in hypothesis if has_effects(system, *part)),
         extended_xml=plant.spec.to_xml(),
-        seconds=0.0,
+        seconds=time.monotonic() - begin,
         measures=outcome.measures,
         criteria=outcome.criteria,
         waterfall=outcome.waterfall,

@@ -19,30 +19,19 @@ from reality_gap.simulation.measured_motion import period_of
 from reality_gap.simulation.prepared_episode import PreparedEpisode
 from reality_gap.study.data import Study
 
-CLOSE = 0.1
-"""Difference from half a sample up to which a delay is one [samples]."""
 
-
-def delay_of_efforts(diagnosis: Diagnosis) -> Estimate | None:
-    """Return the delay of all efforts after the positions, if it is a named cause."""
-    for cause in diagnosis.causes:
-        if cause.candidate.cause.id == CAUSE.id and cause.candidate.location.note == EFFORTS:
-            return cause.parameters["delay"]
-    return None
-
-
-def half_sample(study: Study, delay: Estimate) -> float:
-    """Return the half sample by which efforts are late [s], negative if early, or else 0.
+def half_sample_late(study: Study, diagnosis: Diagnosis) -> float:
+    """Return half a sample if efforts are late by that [s], negative if early, or else 0.
 
     Args:
-        study: a study with efforts; one that is prepared has no samples of its own any more.
-        delay: the estimated delay of all efforts.
+        study: the study; one that is prepared has no samples of its own any more.
+        diagnosis: its diagnosis, which may name a delay of all efforts.
     """
-    if any(isinstance(episode, PreparedEpisode) for episode in study.episodes):
+    delay = _delay_of_efforts(diagnosis)
+    if delay is None or any(isinstance(episode, PreparedEpisode) for episode in study.episodes):
         return 0.0
     half = 0.5 * _period(study) * float(np.sign(delay.value))
-    slack = 2.0 * CLOSE * abs(half)
-    return half if delay.low - slack <= half <= delay.high + slack else 0.0
+    return half if delay.low <= half <= delay.high else 0.0
 
 
 def with_efforts_earlier(study: Study, late: float) -> Study:
@@ -71,6 +60,14 @@ def diagnosis_of_earlier(again: Diagnosis, late: float) -> Diagnosis:
         f"those are that {which}; a delay of this length cannot be distinguished from it."
     )
     return replace(again, sentence=sentence, measures={**again.measures, "efforts_late": late})
+
+
+def _delay_of_efforts(diagnosis: Diagnosis) -> Estimate | None:
+    """Return the delay of all efforts after the positions, if it is a named cause."""
+    for cause in diagnosis.causes:
+        if cause.candidate.cause.id == CAUSE.id and cause.candidate.location.note == EFFORTS:
+            return cause.parameters["delay"]
+    return None
 
 
 def _efforts(study: Study) -> Sequence[int]:

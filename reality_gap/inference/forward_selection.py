@@ -20,12 +20,7 @@ from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity, screen
-from reality_gap.inference.settling import (
-    Settled,
-    settle,
-    whitened_power,
-    without_needless,
-)
+from reality_gap.inference.settling import Settled, settle, whitened_power
 from reality_gap.simulation.hypothesis import Hypothesis
 
 LONG = 20.0
@@ -95,7 +90,8 @@ class Step:
     Attributes:
         base: the causes so far.
         tried: fits of ``base`` with one candidate more each, best first: by their evidence, or by
-            their profile likelihood where the model is wrong by many noises.
+            their profile likelihood where the model is wrong by many noises. There a candidate that
+            makes the only cause of ``base`` needless is fitted alone.
         gain: what the best of them adds to the evidence of ``base`` [nats].
         needed: what it must add to be accepted [nats].
     """
@@ -133,13 +129,8 @@ class Search:
 
     @property
     def singles(self) -> tuple[Fit, ...]:
-        """Fits of single candidates that have enough evidence to be causes.
-
-        They are those of the first step, and of a later one that made the first cause needless.
-        """
-        first = [f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE]
-        later = [f for s in self.steps[1:] for f in s.tried[:1] if len(f.hypothesis) == 1]
-        return (*first, *later)
+        """Fits of single candidates that have enough evidence to be causes."""
+        return tuple(f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE)
 
     def step_beside(self, others: Hypothesis) -> Step | None:
         """Return the step that tried candidates beside exactly these others, if there is one."""
@@ -251,9 +242,7 @@ def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
         fits = [fit_stepwise(problem, f.hypothesis, f.jacobian) for f in close]
-        polished = run_together(problem.replayer, fits)
-        done += without_needless([problem] * len(polished), polished)
-        rest = rest[len(close) :]
+        done, rest = done + run_together(problem.replayer, fits), rest[len(close) :]
 
 
 def _anticipate(

@@ -194,14 +194,13 @@ def _trials(candidate: Candidate, find: FindPeriods) -> list[_Trial]:
 
 
 def _with_shapes(trials: Sequence[_Trial], p: Parameter) -> list[_Trial]:
-    """Return the first of some trials with other values of a shape."""
+    """Return the first of some trials, if there is one, with other values of a shape."""
     found = []
-    for shape in p.hints.screened:
-        first = trials[0]
-        others = [i for i, name in enumerate(first.names) if name != p.name]
-        names = tuple(first.names[i] for i in others)
-        values = tuple(first.values[i] for i in others)
-        found.append(_Trial(first.candidate, first.fixed | {p.name: shape}, names, values))
+    for first in trials[:1]:
+        others = [(n, v) for n, v in zip(first.names, first.values, strict=True) if n != p.name]
+        names, values = tuple(n for n, _ in others), tuple(v for _, v in others)
+        for shape in p.hints.screened:
+            found.append(_Trial(first.candidate, first.fixed | {p.name: shape}, names, values))
     return found
 
 

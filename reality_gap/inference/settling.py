@@ -56,7 +56,6 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
         tried: fits of ``base`` with one candidate more each, best first.
         base: the causes so far.
     """
-    tried = without_needless([plain] * len(tried), tried)
     problem = plain.inflated(tried[0].residual)
     if not problem.noise_model.is_far:
         return Settled(problem, rescored(problem, tried), rescore(problem, base), False)
@@ -72,13 +71,13 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
         own = [bare.widened(f.residual) for f in first]
         if all(_left(a) > STABLE * _left(b) for a, b in zip(own, before, strict=True)):
             break
-    first = without_needless(own, first)
+    first = _without_needless(own, first)
     ordered = sorted((profile(bare, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
     best = plain.inflated(ordered[0].residual)
     return Settled(best, tuple(ordered), profile(bare, base), True)
 
 
-def without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple[Fit, ...]:
+def _without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return fits of two causes without the first one where the second makes it needless.
 
     The first cause may be chosen because slopes at the null do not lead to the right one. Beside

@@ -99,7 +99,6 @@ class Replayer:
         self.own_step = False
         self._cache = RecordCache()
         self._coarse: bool | None = None
-        self._at_steps: dict[float, System] = {}
         if not study.inverse:
             study = self._settle_unknowns(study)
         self._pool = (
@@ -281,9 +280,12 @@ class Replayer:
         """Return the system with a physics step that is relative to the model's."""
         if step == 1.0:
             return self.system
-        if step not in self._at_steps:
-            self._at_steps[step] = with_step(self.system, step)
-        return self._at_steps[step]
+        return self._coarser if step == COARSER else with_step(self.system, step)
+
+    @cached_property
+    def _coarser(self) -> System:
+        """The system with a coarser step; those with finer ones are used a few times only."""
+        return with_step(self.system, COARSER)
 
     @cached_property
     def _light(self) -> mujoco.MjSpec:
@@ -352,9 +354,8 @@ class Replayer:
     def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
         parts, shift = self.expansion
-        found = []
-        all_parts = [[*parts, *one] for one in hypotheses]
-        for prediction in self._predictions(all_parts, COARSER if coarse else 1.0):
+        found, step = [], COARSER if coarse else 1.0
+        for prediction in self._predictions([[*parts, *one] for one in hypotheses], step):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
             found.append(residual + shift)
             self.tick()

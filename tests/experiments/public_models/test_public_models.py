@@ -127,7 +127,9 @@ def test_a_payload_is_heavier_than_what_a_model_may_be_wrong_by(folder: Path) ->
     accurate = Noise(noise.size / 1000.0, noise.torque, noise.steps)
     mass, effect = payload_mass(motion, accurate)
     assert mass == pytest.approx(0.05 * 0.5)
-    assert effect > 20.0
+    assert 20.0 < effect < 1000.0
+    with pytest.raises(ExperimentError, match=r"no payload of shin of .* has an effect of 5 to 20"):
+        payload_mass(motion, Noise(noise.size / 1e6, noise.torque, noise.steps))
 
 
 def test_a_merged_file_has_the_units_of_its_package(folder: Path) -> None:

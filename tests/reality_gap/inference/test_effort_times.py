@@ -16,7 +16,7 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.inference.verdict import Options
 from reality_gap.report.html import page
 from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.types import Floats
+from reality_gap.types import Floats, Ints
 
 ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
 <body>
@@ -29,27 +29,35 @@ ANGLE_NOISE, TORQUE_NOISE = 5e-5, 0.02
 KINDS = ("delay", "viscous_friction", "coulomb_friction", "link_mass", "armature", "force_offset")
 
 
-def recorded(damping: float, friction: float) -> tuple[Floats, Floats]:
-    """Return the angle at each sample, and the torque from then until the next one, (n,) each."""
+def recorded(damping: float, friction: float, steps: Ints | None = None) -> tuple[Floats, Floats]:
+    """Return the angle at each sample, and the torque from then until the next one, (n,) each.
+
+    Args:
+        damping, friction: of the machine [N m s/rad] and [N m].
+        steps: of a millisecond between two samples, shape (n,); by default `STEPS`.
+    """
+    steps = np.full(COUNT, STEPS) if steps is None else steps
     model = mujoco.MjModel.from_xml_string(ARM.format(damping=damping, friction=friction))
     data, rng = mujoco.MjData(model), np.random.default_rng(4)
     angle, torque = np.empty(COUNT), np.empty(COUNT)
     for k in range(COUNT):
-        goal = 0.6 * np.sin(2.3 * k * PERIOD) + 0.3 * np.sin(5.1 * k * PERIOD)
+        goal = 0.6 * np.sin(2.3 * data.time) + 0.3 * np.sin(5.1 * data.time)
         angle[k] = data.qpos[0]
         torque[k] = data.ctrl[0] = 40.0 * (goal - angle[k]) - 3.0 * data.qvel[0]
-        mujoco.mj_step(model, data, STEPS)
+        mujoco.mj_step(model, data, int(steps[k]))
     return angle + ANGLE_NOISE * rng.standard_normal(COUNT), torque
 
 
-def diagnosis(folder: Path, effort: Floats, angle: Floats, friction: float) -> Diagnosis:
+def diagnosis(
+    folder: Path, effort: Floats, angle: Floats, friction: float, time: Floats | None = None
+) -> Diagnosis:
     """Return the diagnosis of a log of efforts (n,) at angles (n,) by the model of the arm.
 
-    Its page is written to the same folder.
+    Samples are even unless their times (n,) are given. Its page is written to the same folder.
     """
     path = folder / "arm.xml"
     path.write_text(ARM.format(damping=0.4, friction=friction))
-    time = PERIOD * np.arange(COUNT)
+    time = PERIOD * np.arange(COUNT) if time is None else time
     channels = (
         Channel("angle", "angle", unit="rad", noise=ANGLE_NOISE),
         Channel("torque", "hinge", unit="N m", noise=TORQUE_NOISE, kind="effort"),
@@ -76,6 +84,17 @@ def test_efforts_of_half_a_sample_later_or_earlier_are_no_fault(
     assert f"The efforts are {word} by half a sample, 5 ms" in found.sentence
 
 
+def test_efforts_are_held_in_a_log_whose_samples_are_not_even(tmp_path: Path) -> None:
+    """Samples last 13 to 21 ms."""
+    steps = np.random.default_rng(7).integers(13, 22, COUNT)
+    angle, torque = recorded(0.4, 0.0, steps)
+    time = 0.001 * np.r_[0, np.cumsum(steps[:-1])]
+    found = diagnosis(tmp_path, torque, angle, 0.0, time)
+
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert found.measures["efforts_late"] == pytest.approx(-0.0085, abs=6e-4)
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_efforts_in_the_middle_are_compared_as_they_are(tmp_path: Path, friction: float) -> None:
     """Dry friction of a simulation changes its sign 10 ms before the velocity does."""
@@ -89,7 +108,7 @@ def test_efforts_in_the_middle_are_compared_as_they_are(tmp_path: Path, friction
     assert ("is as soft as in MuJoCo" in (tmp_path / "report.html").read_text()) is (friction > 0.0)
 
 
-@pytest.mark.parametrize("late", [0.2, 1.1, 2.0])
+@pytest.mark.parametrize("late", [0.2, 0.35, 1.1, 2.0])
 def test_efforts_that_are_late_by_other_times_are(tmp_path: Path, late: float) -> None:
     angle, torque = recorded(0.4, 0.0)
     time = np.arange(COUNT)

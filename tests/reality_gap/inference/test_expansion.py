@@ -186,18 +186,22 @@ def test_deviations_are_silent_and_a_fault_beside_them_is_not(
     fault = [heavy.deviation(0.3 * 0.2 / abs(heavy.size))] if faulty else []
     study = study_of(tmp_path, [*deviations_of(tolerances, seed), *fault])
     causes = [CATALOGUE[id] for id in KINDS]
-    found = diagnose(study, causes=causes, options=Options(suggest=False))
+    used = list[Replayer]()
+
+    def keep(replayer: Replayer, *others: object) -> None:
+        used.append(replayer)
+
+    found = diagnose(study, causes=causes, options=Options(suggest=False), watch=keep)
 
     assert found.verdict is verdict
     assert [str(cause.candidate) for cause in found.causes] == names
     with Replayer(study) as replayer:
         replayer.own_step = bool(found.measures["own_time_step"])
-        replayer.step_error = replayer.step_error_of(fault_of(found))
+        replayer.step_error = used[0].step_error  # that of the machine with the cause
         report = split(replayer.measured) == REPORT
         for parts, rms in (([], found.rms_before), (fault_of(found), found.rms_after)):
             own = np.sqrt(np.mean(replayer.residual(parts)[report] ** 2))
-            # The error of the time step is that of the machine with its cause as first found.
-            assert rms == pytest.approx(own, rel=5e-3)
+            assert rms == pytest.approx(own, rel=1e-6)
 
 
 def fault_of(found: Diagnosis) -> list[Part]:

@@ -12,6 +12,8 @@ from reality_gap import Diagnosis, Verdict, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.verdict import Options
 from reality_gap.report.html import page
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Study
 from tests.reality_gap.servo_arm import ARM, STUDY
 
 STEP, NOMINAL, PERIOD, NOISE = 0.002, 0.01, 0.02, 3e-4
@@ -24,6 +26,14 @@ def arm(step: float, armature: float) -> str:
 
 def diagnosis(folder: Path, step: float, armature: float = NOMINAL) -> tuple[Diagnosis, str]:
     """Diagnosis of a log that was simulated with a step, and its page."""
+    study = study_of(folder, step, armature)
+    causes = [CATALOGUE[id] for id in KINDS]
+    found = diagnose(study, causes=causes, options=Options(suggest=False))
+    return found, page(found, study)
+
+
+def study_of(folder: Path, step: float, armature: float, pushed: float = 0.0) -> Study:
+    """Study of such a log, of an arm that unknown torques of a size push [N m]."""
     (folder / "arm.xml").write_text(arm(STEP, NOMINAL))
     (folder / "STUDY.yaml").write_text(STUDY.format(noise=NOISE))
     model = mujoco.MjModel.from_xml_string(arm(step, armature))
@@ -31,16 +41,14 @@ def diagnosis(folder: Path, step: float, armature: float = NOMINAL) -> tuple[Dia
     for k in range(-100, 500):
         time = PERIOD * max(k, 0)
         data.ctrl[:] = 0.4 * np.sin(3.0 * time) + 0.1 * np.sin(11.0 * time), np.cos(4.0 * time)
+        data.qfrc_applied[:] = pushed * np.sin(7.0 * time), -pushed * np.cos(9.0 * time)
         if k >= 0:
             readings = data.qpos + NOISE * rng.standard_normal(2)
             rows.append([time, *data.ctrl, *readings])
         mujoco.mj_step(model, data, round(PERIOD / step))
     header = "time,m_upper,m_lower,upper,lower"
     np.savetxt(folder / "log.csv", rows, "%.9g", ",", header=header, comments="")
-    study = load_study(folder / "STUDY.yaml")
-    causes = [CATALOGUE[id] for id in KINDS]
-    found = diagnose(study, causes=causes, options=Options(suggest=False))
-    return found, page(found, study)
+    return load_study(folder / "STUDY.yaml")
 
 
 def test_a_simulated_log_without_a_fault_is_explained_to_the_noise(tmp_path: Path) -> None:
@@ -78,3 +86,19 @@ def test_the_error_of_the_step_is_that_of_the_machine_with_its_fault(tmp_path: P
     assert inertia.low < 3.0 * NOMINAL < inertia.high
     assert inertia.value == pytest.approx(3.0 * NOMINAL, rel=0.005)
     assert found.rms_after == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("pushed", "about"), [(0.0, True), (0.1, False)])
+def test_the_error_of_the_step_stays_nominal_if_causes_leave_much_else(
+    tmp_path: Path, pushed: float, about: bool
+) -> None:
+    used = list[Replayer]()
+
+    def keep(replayer: Replayer, *others: object) -> None:
+        used.append(replayer)
+
+    study = study_of(tmp_path, STEP / 16, 4.0 * NOMINAL, pushed)
+    diagnose(study, causes=[CATALOGUE["armature"]], options=Options(suggest=False), watch=keep)
+
+    nominal, own = used[0].step_error_of([]), used[0].step_error
+    assert bool(np.any(own.drift != nominal.drift)) is about
