@@ -178,19 +178,17 @@ def run(command: Run, console: Console) -> None:
 
 def unpack(command: Unpack, console: Console) -> None:
     """Write the topics of a bag as CSV files."""
-    from rich.progress import Progress
-
     from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
+    from reality_gap.report.terminal import shown_progress
 
     notes: list[str] = []
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
+    with shown_progress(console) as progress:
         paths = unpack_in_sandbox(
             command.bag,
             command.out,
             command.topics,
             command.arrival,
-            lambda share: bar.update(task, completed=share),
+            lambda share: progress(share, "reading"),
             types=command.types,
             episodes=command.episodes,
             note=notes.append,

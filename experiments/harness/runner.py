@@ -35,7 +35,7 @@ Done = tuple[str, Any, float]
 
 @contextmanager
 def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
-    """Progress bar of ``total`` steps.
+    """Progress bar of ``total`` steps; lines, at most a hundred, where there is no terminal.
 
     Yields:
         A function to call after each step, with a short text about the step.
@@ -48,9 +48,27 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[done]}"),
     )
-    with Progress(*columns) as bar:
+    console = Console()
+    if not console.is_terminal:
+        yield _lines(title, total)
+        return
+    with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=total, done="")
         yield lambda done: bar.update(task, advance=1, done=done)
+
+
+def _lines(title: str, total: int) -> Callable[[str], None]:
+    """Return the function that prints a line for each hundredth of the steps."""
+    begin, count = time.monotonic(), 0
+
+    def line(done: str) -> None:
+        nonlocal count
+        count += 1
+        if 100 * count // total > 100 * (count - 1) // total:
+            minutes = (time.monotonic() - begin) / 60.0
+            print(f"{title}: {count} of {total} after {minutes:.1f} min, {done}", flush=True)
+
+    return line
 
 
 def run_tasks(

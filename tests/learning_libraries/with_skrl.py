@@ -31,7 +31,9 @@ class Policy(GaussianMixin, Model):
             device=env.device,
         )  # fmt: skip
         GaussianMixin.__init__(self, clip_actions=True)
-        self.network = body(self.num_actions)
+        # Actions that are clipped far from an unbounded mean have a probability of 0: then skrl's
+        # ratio of probabilities is not finite.
+        self.network = nn.Sequential(body(self.num_actions), nn.Tanh())
         self.log_std_parameter = nn.Parameter(torch.zeros(self.num_actions))
 
     def compute(self, inputs: dict[str, Any], role: str = "") -> tuple[Any, dict[str, Any]]:
