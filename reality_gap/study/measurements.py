@@ -3,8 +3,9 @@
 The error of a sensor has two parts: noise, and rounding to the step of its converter. Rounding has
 a variance of step^2 / 12. It is the same in all readings of a run of equal values, which together
 count as one reading, unless the values go on in one direction: then it rises or falls from one half
-of a step to the other, and its mean is zero. The repeats of a sensor that is slower than its log
-and whose values are held count as one reading, too.
+of a step to the other, and its mean is zero. A run that is much longer than others of that kind is
+a pause, in which the error stays the same. The repeats of a sensor that is slower than its log and
+whose values are held count as one reading, too.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ USUAL_STEPS = 20.0
 """Median of these differences in steps; a larger one shows no converter."""
 SINGLE = 1.5
 """Change of a value, in steps of its converter, below which it is by one step."""
+PAUSE, BRIEF = 5.0, 0.01
+"""Length of a run in which the motion pauses, over the mean of those through which it goes on; share
+of an episode up to which a run is none.
+"""
 FEW = 4
 """Number of different values below which no step is recognised."""
 
@@ -168,13 +173,17 @@ def _repeats(values: Floats, passing: bool) -> Floats:
 
     Args:
         values: readings (k,).
-        passing: whether that includes runs of equal values between a lower and a higher value.
+        passing: whether that includes all runs of equal values between a lower and a higher value,
+            not only those in which the motion pauses.
     """
     lengths = _lengths(values)
     repeats = lengths - 1
     if not passing and len(lengths) > 2:
         rises = np.sign(np.diff(values[np.cumsum(lengths) - 1]))
-        repeats[1:-1][rises[1:] == rises[:-1]] = 0
+        goes_on, inner = rises[1:] == rises[:-1], lengths[1:-1]
+        usual = np.mean(inner[goes_on]) if goes_on.any() else 0.0
+        pauses = inner > max(PAUSE * usual, BRIEF * len(values))
+        repeats[1:-1][goes_on & ~pauses] = 0
     return np.repeat(repeats, lengths).astype(np.float64)
 
 

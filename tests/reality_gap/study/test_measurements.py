@@ -92,6 +92,17 @@ def test_a_slow_motion_through_the_steps_is_measured_by_all_readings(model: Path
     assert found[turn].min() > 3.0 * BITS_12 / np.sqrt(12.0)
 
 
+def test_a_pause_within_a_step_counts_as_one_reading(model: Path) -> None:
+    """The motion comes from below and goes on upwards, so that its errors do not tell the pause."""
+    there, pause = np.linspace(0.0, 20.3, 500), np.full(300, 20.3)
+    values = rounded(np.r_[there, pause, np.linspace(20.3, 40.0, 500)] * BITS_12, BITS_12)
+    found = measured(study(model, values)).noise
+    run = values == 20.0 * BITS_12
+    assert np.sum(found[run] ** -2) ** -0.5 == pytest.approx(BITS_12 / np.sqrt(12.0), rel=0.01)
+    passing = (values > 0.0) & (values < 40.0 * BITS_12) & ~run
+    assert found[passing] == pytest.approx(np.full(passing.sum(), BITS_12 / np.sqrt(12.0)))
+
+
 def test_noise_above_the_step_averages_out(model: Path) -> None:
     noise = 3.0 * BITS_12 * np.random.default_rng(0).standard_normal(2000)
     found = study(model, rounded(noise, BITS_12), noise=3.0 * BITS_12)
