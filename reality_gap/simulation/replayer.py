@@ -25,7 +25,13 @@ from reality_gap.simulation.light_model import light_spec, without_distant_meshe
 from reality_gap.simulation.likelier_start import with_likelier_start
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
-from reality_gap.study.measurements import Measured, measured, with_estimated_noise
+from reality_gap.study.measurements import (
+    Measured,
+    measured,
+    rounding_steps,
+    with_estimated_noise,
+)
+from reality_gap.study.rounding import with_shared_rounding
 from reality_gap.study.system import System, compile_system, with_step
 from reality_gap.types import Floats
 
@@ -115,7 +121,8 @@ class Replayer:
     def _settle_unknowns(self, study: Study) -> Study:
         """Return the study as replays of the nominal model show it.
 
-        Where it was not stated, noise is estimated from the errors of the model.
+        Where it was not stated, noise is estimated from the errors of the model. Errors by rounding
+        that readings share count once.
         """
         before = mujoco.get_mju_user_warning()
         silence()
@@ -131,6 +138,8 @@ class Replayer:
                 study = with_estimated_noise(study, self.measured, predict(study))
                 self.system = replace(self.system, study=study)
                 self.measured = measured(study)
+            if np.any(rounding_steps(study) > 0.0):
+                self.measured = with_shared_rounding(study, self.measured, predict(study))
         finally:
             mujoco.set_mju_user_warning(before)
         return study

@@ -74,7 +74,7 @@ def measured(study: Study) -> Measured:
     """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
     step = rounding_steps(study)
-    hold = _holds(study, step)
+    hold = values_held(study, step)
     noise = _channel_noise(study, step)
     four = _quaternion_sensors(study)
     start = 0
@@ -146,7 +146,7 @@ def _step(readings: tuple[Reading, ...]) -> float:
     return float(np.median(gaps / np.round(steps))) if rounded else 0.0
 
 
-def _holds(study: Study, steps: Floats) -> Ints:
+def values_held(study: Study, steps: Floats) -> Ints:
     """Return the number of rows for which each channel usually holds a value, shape (c,).
 
     Values that mostly change by one step of their converter (c,) are not held, but change slowly.
@@ -204,7 +204,7 @@ def with_estimated_noise(study: Study, readings: Measured, prediction: Floats) -
         readings: its readings.
         prediction: predicted readings, shape (n,); NaN where a replay diverged.
     """
-    found, hold = channel_noise(study), _holds(study, rounding_steps(study))
+    found, hold = channel_noise(study), values_held(study, rounding_steps(study))
     for c, channel in enumerate(study.channels):
         at = readings.channel == c
         error = readings.value - prediction

@@ -1,0 +1,77 @@
+"""Errors by rounding that readings of the same position share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.measurements import measured
+from reality_gap.study.rounding import with_shared_rounding
+from reality_gap.types import Floats
+
+MODEL = """<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
+<sensor><jointpos name="angle" joint="j"/></sensor></mujoco>"""
+STEP, REST = 0.02, slice(300, 700)
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    path = tmp_path / "model.xml"
+    path.write_text(MODEL)
+    return path
+
+
+def motion(phase: float) -> Floats:
+    """A motion through 20 steps, a rest between two of them, and a motion on [rad]."""
+    there, back = np.linspace(-20.0, 0.0, 300), np.linspace(0.0, 25.0, 300)
+    return STEP * (np.r_[there, np.zeros(400), back] + phase)
+
+
+def logged(model: Path, true: Floats, noise: float, seed: int) -> Study:
+    """Study of angles with noise that is rounded, both in steps, and stated as one deviation."""
+    added = STEP * noise * np.random.default_rng(seed).standard_normal(len(true))
+    values = STEP * np.round((true + added) / STEP)
+    time = 0.004 * np.arange(len(values))
+    stated = STEP * float(np.hypot(noise, 12.0**-0.5))
+    channel = Channel("angle", "angle", unit="rad", noise=stated)
+    episode = Episode("log", time, np.zeros((len(time), 0)), (Reading(time, values),))
+    return Study("test", model, (channel,), (episode,))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.1, 0.2, 0.3, 0.5])
+def test_the_mean_of_a_rest_is_as_wrong_as_its_readings_say(model: Path, noise: float) -> None:
+    """Over rests at all positions between two steps, with noise in steps."""
+    errors, claimed = [], []
+    for seed, phase in enumerate(np.linspace(0.0, 1.0, 60, endpoint=False)):
+        true = motion(phase)
+        study = logged(model, true, noise, seed)
+        found = with_shared_rounding(study, measured(study), 1.02 * true + 0.3 * STEP)
+        weight = found.noise[REST] ** -2
+        errors.append(np.average((found.value - true)[REST], weights=weight))
+        claimed.append(1.0 / np.sum(weight))
+    assert np.mean(np.square(errors)) == pytest.approx(np.mean(claimed), rel=0.3)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_motion_through_the_steps_is_measured_by_all_readings(model: Path, noise: float) -> None:
+    true = motion(0.4)
+    study = logged(model, true, noise, 0)
+    found = with_shared_rounding(study, measured(study), true)
+    moving = np.r_[30:280, 720:970]
+    assert found.noise[moving] == pytest.approx(np.full(500, study.channels[0].noise))
+
+
+def test_readings_that_move_share_nothing_although_the_model_rests(model: Path) -> None:
+    study = logged(model, motion(0.4), 0.0, 0)
+    found = with_shared_rounding(study, measured(study), np.zeros(1000))
+    assert found.noise[30:270].max() < 8.0 * STEP / np.sqrt(12.0)
+
+
+def test_readings_without_a_prediction_keep_their_noise(model: Path) -> None:
+    study = logged(model, motion(0.4), 0.0, 0)
+    before = measured(study)
+    found = with_shared_rounding(study, before, np.full(1000, np.nan))
+    assert np.array_equal(found.noise, before.noise)
