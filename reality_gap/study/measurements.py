@@ -5,7 +5,8 @@ a variance of step^2 / 12. It is the same in all readings of a run of equal valu
 count as one reading, unless the values go on in one direction: then it rises or falls from one half
 of a step to the other, and its mean is zero. A run that is much longer than others of that kind is
 a pause, in which the error stays the same. The repeats of a sensor that is slower than its log and
-whose values are held count as one reading, too.
+whose values are held count as one reading, too. Where a replay shows the motion, the readings that
+share an error by rounding are found by `reality_gap.study.rounding`.
 """
 
 from __future__ import annotations
@@ -26,9 +27,8 @@ USUAL_STEPS = 20.0
 SINGLE = 1.5
 """Change of a value, in steps of its converter, below which it is by one step."""
 PAUSE, BRIEF = 5.0, 0.01
-"""Length of a run in which the motion pauses, over the mean of those through which it goes on; share
-of an episode up to which a run is none.
-"""
+"""Length of a run in which the motion pauses, over the mean of those in which it goes on; share of
+an episode up to which a run is no pause."""
 FEW = 4
 """Number of different values below which no step is recognised."""
 

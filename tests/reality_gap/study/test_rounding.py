@@ -42,7 +42,7 @@ def logged(model: Path, true: Floats, noise: float, seed: int) -> Study:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.1, 0.2, 0.3, 0.5])
-def test_the_mean_of_a_rest_is_as_wrong_as_its_readings_say(model: Path, noise: float) -> None:
+def test_the_mean_of_a_rest_has_the_error_that_its_noise_claims(model: Path, noise: float) -> None:
     """Over rests at all positions between two steps, with noise in steps."""
     errors, claimed = [], []
     for seed, phase in enumerate(np.linspace(0.0, 1.0, 60, endpoint=False)):
