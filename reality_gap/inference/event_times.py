@@ -1,4 +1,5 @@
-"""Event times: a search for the times of an event, such as the start and the end of a push.
+"""Event times: a search for the times of an event, such as the start and the end of a push, or the
+moment in which a tendon becomes longer.
 
 The misfit has local minima over these times, at which Gauss-Newton steps end: a push with a late
 end and the right force is better than all its neighbours. Each time therefore has a search of its
@@ -16,7 +17,7 @@ import numpy as np
 
 from reality_gap.inference.gauss_newton import Fit, Stepwise, fit_stepwise
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.theta import theta_bounds
+from reality_gap.inference.theta import is_time, theta_bounds
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.types import Floats
 
@@ -34,6 +35,11 @@ LARGEST = 4.0
 """Largest factor by which the size of the event is changed."""
 
 
+def times_of(candidate: Candidate) -> list[str]:
+    """Return the names of the parameters that are times of an event; none for other candidates."""
+    return [p.name for p in candidate.parameters if is_time(p)]
+
+
 def search_times(problem: Problem, old: Fit, base: Fit) -> Stepwise[Fit]:
     """Return a fit with better times of the last candidate, or the old fit.
 
@@ -43,7 +49,7 @@ def search_times(problem: Problem, old: Fit, base: Fit) -> Stepwise[Fit]:
         base: the fit without that candidate.
     """
     candidate, values = old.hypothesis[-1]
-    timed = [p.name for p in candidate.parameters if p.hints.starts]
+    timed = times_of(candidate)
     moves = _moves(len(timed))
     whiten, others = problem.noise_model.whiten, old.hypothesis[:-1]
     without = whiten(base.residual)

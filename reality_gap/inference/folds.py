@@ -2,7 +2,8 @@
 
 The blocks of a log take four turns (see `reality_gap.study.splits`), which are the folds. For each
 fold the parameters are fitted again to the three others, by one linear step, and the fold is
-predicted. Its residuals are whitened by the noise and the tolerances of the nominal model (see
+predicted. The times of an event stay: of one within the fold, the others show nothing. The
+residuals are whitened by the noise and the tolerances of the nominal model (see
 `reality_gap.inference.whitening`), so that a model gains nothing by what tolerances explain as
 well. For the whitened residuals e and e + d of two models, the gain in log likelihood of the first
 over the second is
@@ -29,7 +30,7 @@ from reality_gap.diagnosis import Gain
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.held_out import LEAST_WEIGHT
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.theta import prior_weights
+from reality_gap.inference.theta import free_parameters, is_time, prior_weights
 from reality_gap.study.splits import REPORT, TURN, blocks, turn
 from reality_gap.types import Floats, Ints
 
@@ -107,20 +108,23 @@ class Folds:
         """
         if fitted.is_null:
             return [fitted.residual] * len(TURN)
-        columns = np.column_stack([fitted.jacobian, fitted.residual])
+        stays = [is_time(p) for _, p in free_parameters(fitted.hypothesis)]
+        jacobian, theta = np.delete(fitted.jacobian, stays, axis=1), np.delete(fitted.theta, stays)
+        columns = np.column_stack([jacobian, fitted.residual])
         power, cross = [], []
         for fold in range(len(TURN)):
             x = self._part(columns, fold)
             power.append(x.T @ x)
             cross.append(self._part(self.problem.noise_model.tolerances, fold).T @ x)
-        weights = np.maximum(prior_weights(fitted.hypothesis), LEAST_WEIGHT) ** 2
+        weights = np.delete(prior_weights(fitted.hypothesis), stays)
+        weights = np.maximum(weights, LEAST_WEIGHT) ** 2
         found = []
         for fold, covariance in enumerate(self._covariances):
             along = np.sum(cross, axis=0) - cross[fold]
             precise = np.sum(power, axis=0) - power[fold] - along.T @ covariance @ along
             matrix = precise[:-1, :-1] + np.diag(weights)
-            step = np.linalg.solve(matrix, precise[:-1, -1] - weights * fitted.theta)
-            found.append(fitted.residual - fitted.jacobian @ step)
+            step = np.linalg.solve(matrix, precise[:-1, -1] - weights * theta)
+            found.append(fitted.residual - jacobian @ step)
         return found
 
     def _compare(self, before: Floats, after: Floats, fold: int) -> _Part:

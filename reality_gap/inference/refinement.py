@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reality_gap.inference.event_times import search_times
+from reality_gap.inference.event_times import search_times, times_of
 from reality_gap.inference.gauss_newton import (
     Fit,
     Stepwise,
@@ -199,7 +199,7 @@ def _finish(problem: Problem, quick: _QuickFit, least: float, base: Fit) -> Step
     """Return the full fit, or the quick one if its evidence is below ``least``."""
     if quick.fit.evidence < least:
         return quick.fit
-    if quick.candidate.cause.event:
+    if times_of(quick.candidate):
         full = yield from fit_stepwise(problem, quick.fit.hypothesis)
         return (yield from search_times(problem, full, base))
     if quick.complete:

@@ -24,6 +24,11 @@ def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
     return [(i, p) for i, (candidate, _) in enumerate(hypothesis) for p in candidate.parameters]
 
 
+def is_time(parameter: Parameter) -> bool:
+    """Return whether a parameter is a time of an event, which only readings near it show."""
+    return bool(parameter.hints.starts) and parameter.unit == "s"
+
+
 def to_theta(hypothesis: Hypothesis) -> Floats:
     """Return theta of a hypothesis, shape (p,)."""
     found = free_parameters(hypothesis)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE
+from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import polish
 from reality_gap.inference.gauss_newton import Fit, null_fit, rescore, start_penalty
 from reality_gap.inference.likelihood import independent_noise
@@ -62,6 +63,25 @@ def test_the_end_of_a_push_is_found_as_its_start_is(
     assert values["start"] == pytest.approx(start, abs=0.02)
     assert values["duration"] == pytest.approx(duration, abs=0.05)
     assert values["z"] == pytest.approx(-2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("time", [0.37, 1.48, 2.6])
+def test_the_moment_of_an_elongation_is_found_and_pays(tmp_path: Path, time: float) -> None:
+    """It is known from one block of readings only, from which the others do not predict it."""
+    study = elbow_study(tmp_path)
+    wire = candidate(study, "wire_elongation", "tendon", 1)
+    values = {"elongation": 4e-4, "time": time}
+    truth = simulate_study(study, [(wire, values)], np.random.default_rng(0), 1.0 / 16.0)
+    with Replayer(truth) as replayer:
+        problem = problem_of(replayer)
+        sensitivities, base = screen(replayer, [wire], problem.null_residual), null_fit(problem)
+        fit = polish(problem, fit_next(problem, sensitivities, base, 1))[0]
+        gain = Folds(problem, fit).cross_validated(base)
+
+    found = fit.hypothesis[0][1]
+    assert found["time"] == pytest.approx(time, abs=0.01)
+    assert found["elongation"] == pytest.approx(4e-4, rel=0.1)
+    assert 0.5 * fit.evidence < gain.low < gain.value
 
 
 def test_a_delay_of_39_ms_is_screened_and_fitted(tmp_path: Path) -> None:
