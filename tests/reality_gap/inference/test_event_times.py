@@ -69,18 +69,18 @@ def test_the_end_of_a_push_is_found_as_its_start_is(
 def test_the_moment_of_an_elongation_is_found_and_pays(tmp_path: Path, time: float) -> None:
     """It is known from one block of readings only, from which the others do not predict it."""
     study = elbow_study(tmp_path)
-    wire = candidate(study, "wire_elongation", "tendon", 1)
+    longer = candidate(study, "wire_elongation", "tendon", 1)
     values = {"elongation": 4e-4, "time": time}
-    truth = simulate_study(study, [(wire, values)], np.random.default_rng(0), 1.0 / 16.0)
+    truth = simulate_study(study, [(longer, values)], np.random.default_rng(0), 1.0 / 16.0)
     with Replayer(truth) as replayer:
         problem = problem_of(replayer)
-        sensitivities, base = screen(replayer, [wire], problem.null_residual), null_fit(problem)
+        sensitivities, base = screen(replayer, [longer], problem.null_residual), null_fit(problem)
         fit = polish(problem, fit_next(problem, sensitivities, base, 1))[0]
         gain = Folds(problem, fit).cross_validated(base)
 
-    found = fit.hypothesis[0][1]
-    assert found["time"] == pytest.approx(time, abs=0.01)
-    assert found["elongation"] == pytest.approx(4e-4, rel=0.1)
+    fitted = fit.hypothesis[0][1]
+    assert fitted["time"] == pytest.approx(time, abs=0.01)
+    assert fitted["elongation"] == pytest.approx(4e-4, rel=0.1)
     assert 0.5 * fit.evidence < gain.low < gain.value
 
 
