@@ -41,9 +41,12 @@ def sentence(outcome: Outcome) -> str:
 
 
 def _tolerated(outcome: Outcome) -> str:
-    """Return how large the differences are that tolerances excuse; empty if they are small."""
+    """Return how large the differences are that tolerances excuse; empty if they are small.
+
+    Rounding makes no noise at rest, so that the floor is below one noise.
+    """
     before, most = outcome.score.before, outcome.measures.get("deviation")
-    if most is None or before < VISIBLE * outcome.score.floor:
+    if most is None or before < max(1.0, VISIBLE * outcome.score.floor):
         return ""
     return (
         f" They are {before:.3g} noises; deviations of at most {most:.2g} tolerances explain that. "

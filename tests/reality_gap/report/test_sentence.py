@@ -77,6 +77,8 @@ def test_nothing_wrong_mentions_large_differences_that_tolerances_excuse(diagnos
 
     assert "450 noises; deviations of at most 3 tolerances explain that" in sentence(excused)
     assert "noises" not in sentence(replace(excused, score=replace(large.score, before=4.0)))
+    rounded = replace(large.score, before=0.76, floor=0.01)
+    assert "noises" not in sentence(replace(excused, score=rounded))
 
 
 def test_causes_that_are_not_all_have_a_rest_without_a_name(diagnosed: Make) -> None:
