@@ -10,13 +10,15 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, typical_scales
+from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.shared_amounts import BEYOND
 from reality_gap.study.system import System
 
 FAR = (0.3, 1.0)
 """Stiffnesses from which fits start where slopes at the null do not hold, over the typical force
 over the range of the joint."""
+MOST = 5.0
+"""Largest stiffness over the typical force over the range of the joint, unless a servo is stiffer."""
 NOMINAL = "spring of the model"
 """Note of a location where the stiffness of the nominal spring is wrong."""
 
@@ -39,7 +41,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))
     stiff = size / travel
     far = SearchHints(far_starts=tuple(share * stiff for share in FAR))
-    sizes = 0.05 * stiff, 0.0005 * stiff, 0.0, 5.0 * stiff
+    most = max(MOST * stiff, _servo_stiffness(system, location))
+    sizes = 0.05 * stiff, 0.0005 * stiff, 0.0, most
     return (
         Parameter("stiffness", f"{force}/{unit}", *sizes, hints=far),
         Parameter(
@@ -53,6 +56,16 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
             SearchHints(starts),
         ),
     )
+
+
+def _servo_stiffness(system: System, location: Location) -> float:
+    """Return the stiffness with which a servo holds a joint [N m/rad or N/m]; 0 without one."""
+    [encoder] = encoders.encoders(system, location)
+    if not encoder.actuator:
+        return 0.0
+    i = system.model.actuator(encoder.actuator).id
+    gain, gear = system.model.actuator_biasprm[i, 1], system.model.actuator_gear[i, 0]
+    return float(abs(gain) * gear**2)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

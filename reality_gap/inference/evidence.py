@@ -18,7 +18,7 @@ from reality_gap.types import Bools, Floats, Ints
 
 PRIOR = 3.0
 """Standard deviation of a fault's parameters in units of their ``scale``, as a single value."""
-SIZES = (10.0, 3.0, 1.0, 0.3, 0.1)
+SIZES = (100.0, 20.0, 4.0, 0.8, 0.15)
 """Equally likely standard deviations of a fault's parameters in units of their ``scale``."""
 
 
