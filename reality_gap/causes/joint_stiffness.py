@@ -18,7 +18,7 @@ FAR = (0.3, 1.0)
 """Stiffnesses from which fits start where slopes at the null do not hold, over the typical force
 over the range of the joint."""
 MOST = 5.0
-"""Largest stiffness over the typical force over the range of the joint, unless a servo is stiffer."""
+"""Largest stiffness over the typical force over the range; a servo may be stiffer."""
 NOMINAL = "spring of the model"
 """Note of a location where the stiffness of the nominal spring is wrong."""
 
