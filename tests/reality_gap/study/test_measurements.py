@@ -7,27 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import channel_noise, measured, rounding_steps
 from reality_gap.types import Floats
+from tests.reality_gap.study.one_hinge import hinge, study
 
-MODEL = """<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
-<sensor><jointpos name="angle" joint="j"/></sensor></mujoco>"""
 BITS_12 = 2.0 * np.pi / 4096
 
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    path = tmp_path / "model.xml"
-    path.write_text(MODEL)
-    return path
-
-
-def study(model: Path, values: Floats, noise: float | None = None) -> Study:
-    time = 0.001 * np.arange(len(values))
-    channel = Channel("angle", "angle", unit="rad", noise=noise)
-    episode = Episode("log", time, np.zeros((len(time), 0)), (Reading(time, values),))
-    return Study("test", model, (channel,), (episode,))
+    return hinge(tmp_path)
 
 
 def sweep(count: int = 2000) -> Floats:
