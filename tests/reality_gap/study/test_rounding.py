@@ -17,7 +17,8 @@ from tests.reality_gap.study.one_hinge import hinge, study
 
 SERVO = """<mujoco><option timestep="0.004"/><worldbody><body><joint name="j" damping="1"/>
 <geom size=".1" mass="1"/></body></worldbody>
-<actuator><position name="m" joint="j" kp="20"/></actuator><sensor><jointpos name="angle" joint="j"/></sensor></mujoco>"""
+<actuator><position name="m" joint="j" kp="20"/></actuator>
+<sensor><jointpos name="angle" joint="j"/></sensor></mujoco>"""
 STEP, REST = 0.02, slice(300, 700)
 
 
