@@ -1,13 +1,14 @@
 """Learned residual: what the few best columns of a bank explain of a residual.
 
 Up to `MOST_COLUMNS` columns that explain most are learned in closed form. Their evidence includes a
-penalty for their number and for having been selected. A learned residual is never a cause. It
+penalty for their number and for having been selected, and so has the bank. A learned residual is never a cause. It
 estimates how much there is to explain, and what it explains beyond the causes counts as
 unexplained.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,19 @@ class Learned:
     explained: float
 
 
-def learn(problem: Problem, residual: Floats, bank: Bank) -> Learned:
+def learn_best(problem: Problem, residual: Floats, banks: Sequence[Bank]) -> Learned:
+    """Learn a residual by the bank that explains it best; before, all are equally likely.
+
+    Args:
+        problem: what is to be explained.
+        residual: the residual to learn in units of noise, shape (n,).
+        banks: at least one bank.
+    """
+    found = (learn(problem, residual, bank, len(banks)) for bank in banks)
+    return max(found, key=lambda one: one.evidence)
+
+
+def learn(problem: Problem, residual: Floats, bank: Bank, banks: int = 1) -> Learned:
     """Learn a residual by the few columns of a bank that explain it best.
 
     Columns are added one by one, each with a penalty for its freedom and for its selection.
@@ -49,6 +62,7 @@ def learn(problem: Problem, residual: Floats, bank: Bank) -> Learned:
         problem: what is to be explained.
         residual: the residual to learn in units of noise, shape (n,).
         bank: functions to learn from.
+        banks: number of banks of which this may be the best.
     """
     whiten = problem.noise_model.whiten
     columns, left = whiten(bank.columns), whiten(residual)
@@ -61,7 +75,7 @@ def learn(problem: Problem, residual: Floats, bank: Bank) -> Learned:
             (_evidence(gram, right, [*chosen, j]), j) for j in _candidates(gram, right, chosen)
         ]
         evidence, j = max(trials)
-        penalty = sum(np.log(count - i) for i in range(len(chosen) + 1))
+        penalty = np.log(banks) + sum(np.log(count - i) for i in range(len(chosen) + 1))
         if evidence - penalty < best + 1.0:
             break
         chosen.append(j)

@@ -11,7 +11,7 @@ from reality_gap.causes.base import Record
 from reality_gap.diagnosis import Dependence
 from reality_gap.inference.flexible_residual import banks
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.learned_residual import Learned, learn
+from reality_gap.inference.learned_residual import Learned, learn_best
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.whitening import likeliest_sizes
 from reality_gap.simulation.replayer import Replayer
@@ -67,17 +67,14 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     records = problem.replayer.replay(fitted.hypothesis).records
     found = banks(problem.replayer, fitted.hypothesis, records)
 
-    def best(problem: Problem, residual: Floats) -> Learned:
-        return max((learn(problem, residual, one) for one in found), key=lambda x: x.evidence)
-
     if fitted.is_null:
         # What can be learned is itself correlated: only what it leaves may inflate the noise.
-        first = best(problem.uninflated(), fitted.residual)
+        first = learn_best(problem.uninflated(), fitted.residual, found)
         left = problem.reinflated(fitted.residual - first.prediction)
-        learned = instead = best(left, fitted.residual)
+        learned = instead = learn_best(left, fitted.residual, found)
     else:
-        learned = best(problem, fitted.residual)
-        instead = best(problem, problem.null_residual)
+        learned = learn_best(problem, fitted.residual, found)
+        instead = learn_best(problem, problem.null_residual, found)
     report = split(problem.measured) == REPORT
 
     def rms(residual: Floats) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.inference.flexible_residual import banks
-from reality_gap.inference.learned_residual import Learned, learn
+from reality_gap.inference.learned_residual import Learned, learn, learn_best
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.motion_functions import Bank
 from reality_gap.inference.problem import Problem
@@ -96,6 +96,36 @@ def test_a_larger_bank_has_a_larger_penalty(replayer: Replayer, bank: Bank) -> N
     assert two.evidence - many.evidence == pytest.approx(np.log(COUNT / 2), abs=1e-6)
 
 
+def test_the_best_of_many_banks_has_a_larger_penalty(replayer: Replayer, bank: Bank) -> None:
+    """The selection of one of k banks has the penalty log k."""
+    residual = 0.3 * bank.columns[:, 0] + noise(replayer, 3)
+    others = [
+        Bank("", np.column_stack([noise(replayer, 100 + 10 * i + j) for j in range(4)]))
+        for i in range(9)
+    ]
+
+    alone = learned(replayer, bank, residual)
+    of_ten = learn_best(problem_of(replayer, residual), residual, [*others, bank])
+
+    assert of_ten.name == bank.name
+    np.testing.assert_array_equal(of_ten.prediction, alone.prediction)
+    assert alone.evidence - of_ten.evidence == pytest.approx(np.log(10), abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.02, 0.05])
+def test_noise_has_evidence_by_chance_only(replayer: Replayer, size: float) -> None:
+    """The best of 60 banks has odds above e^2 in at most one of e^2 cases: they are fair."""
+    rng = np.random.default_rng(0)
+    count = len(replayer.measured.value)
+    found = []
+    for _ in range(100):
+        residual = rng.standard_normal(count)
+        some = [Bank("", size * rng.standard_normal((count, 1))) for _ in range(60)]
+        found.append(learn_best(problem_of(replayer, residual), residual, some).evidence)
+
+    assert np.mean(np.array(found) > 2.0) <= np.exp(-2.0)
+
+
 def test_the_report_split_is_not_learned_from(replayer: Replayer, bank: Bank) -> None:
     report = split(replayer.measured) == REPORT
     residual = bank.columns[:, 5] + noise(replayer, 4)
@@ -129,9 +159,10 @@ def test_an_error_that_is_constant_or_settles_is_learned(
     drift = np.where(measured.channel == 1, shape(measured.time + start), 0.0)
     residual = drift + noise(replayer, 6)
 
-    tried = [learned(replayer, bank, residual) for bank in banks(replayer, [], records)]
+    problem = problem_of(replayer, residual)
 
-    best = max(tried, key=lambda one: one.evidence)
+    best = learn_best(problem, residual, banks(replayer, [], records))
+
     assert best.name == "readings by the time"
     error = float(np.mean((best.prediction - drift) ** 2))
     assert error < 0.1 * float(np.mean(drift**2))
