@@ -1,9 +1,9 @@
 """Learned residual: what the few best columns of a bank explain of a residual.
 
 Up to `MOST_COLUMNS` columns that explain most are learned in closed form. Their evidence includes a
-penalty for their number and for having been selected, and so has the bank. A learned residual is never a cause. It
-estimates how much there is to explain, and what it explains beyond the causes counts as
-unexplained.
+penalty for their number, for having been selected, and for the selection of their bank. A learned
+residual is never a cause. It estimates how much there is to explain, and what it explains beyond
+the causes counts as unexplained.
 """
 
 from __future__ import annotations

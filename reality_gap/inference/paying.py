@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from reality_gap.diagnosis import Criterion, Gain
+from reality_gap.inference.deviations import deviations
 from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import SWAP, Search
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
 from reality_gap.inference.held_out import score
-from reality_gap.inference.remainder import beyond_deviations
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 
 NEAR = 0.01
@@ -59,7 +59,7 @@ class Tested:
         each: gains over the other causes alone, fitted again, by cause.
         without: these fits of the other causes.
         improvement: decrease of the RMS of the residual on the report split, beyond the
-            deviations that are within tolerances; see `beyond_deviations` [noise].
+            deviations that are within tolerances; see `Deviations` [noise].
     """
 
     total: Gains
@@ -138,8 +138,8 @@ def held_out_test(result: Search) -> Tested:
         return Gains(folds.cross_validated(one), folds.report(one))
 
     # Deviations may have hidden a part of what a cause adds; without it they cost more.
-    before, after = (beyond_deviations(problem, one.residual) for one in (null, best))
-    scored = score(problem.system.study, problem.measured, before, after)
+    left = [one.left_with_cost for one in deviations(problem, null.residual, best.residual)]
+    scored = score(problem.system.study, problem.measured, *left)
     each = tuple(gains(one) for one in without)
     total = each[0] if len(each) == 1 else gains(null)
     return Tested(total, each, without, scored.improvement)

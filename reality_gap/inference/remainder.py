@@ -9,14 +9,14 @@ import numpy as np
 
 from reality_gap.causes.base import Record
 from reality_gap.diagnosis import Dependence
+from reality_gap.inference.deviations import deviations
 from reality_gap.inference.flexible_residual import banks
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.learned_residual import Learned, learn_best
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.whitening import likeliest_sizes
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
-from reality_gap.study.splits import FIT, REPORT, SELECT, split
+from reality_gap.study.splits import FIT, REPORT, split
 from reality_gap.study.system import commanded
 from reality_gap.types import Bools, Floats
 
@@ -43,7 +43,7 @@ class Remainder:
         deviation: largest deviation by which they explain it [tolerances].
         of_step: RMS there of the error of the time step that extrapolation leaves [noise].
         fits: RMS on the report split of what tolerances leave of the residuals of the nominal model
-            and of the hypothesis, with what their deviations cost; see `beyond_deviations` [noise].
+            and of the hypothesis, with what their deviations cost; see `Deviations` [noise].
     """
 
     learned: Learned
@@ -80,64 +80,39 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     def rms(residual: Floats) -> float:
         return float(np.sqrt(np.mean(residual[report] ** 2)))
 
-    before = beyond_tolerances(problem, problem.null_residual)
-    after = beyond_tolerances(problem, fitted.residual)
-    depends_on = dependences(problem.replayer, after, records)
-    explained = rms(fitted.residual - after)
-    sizes = np.abs(_likeliest(problem, fitted.residual))
-    deviation = problem.roughness * float(sizes.max(initial=0.0))
-    nominal, own = (beyond_deviations(problem, r) for r in (problem.null_residual, fitted.residual))
-    fits = rms(nominal), rms(own)
+    before, after = deviations(problem, problem.null_residual, fitted.residual)
     return Remainder(
         learned=learned,
         instead=instead,
-        depends_on=depends_on,
-        before=rms(before),
-        after=rms(after),
-        explained=explained,
-        deviation=deviation,
+        depends_on=dependences(problem.replayer, after.left, records),
+        before=rms(before.left),
+        after=rms(after.left),
+        explained=rms(fitted.residual - after.left),
+        deviation=problem.roughness * float(np.abs(after.sizes).max(initial=0.0)),
         of_step=rms(problem.replayer.drift_error / problem.measured.noise),
-        fits=fits,
+        fits=(rms(before.left_with_cost), rms(after.left_with_cost)),
     )
 
 
-def beyond_tolerances(problem: Problem, residual: Floats) -> Floats:
-    """Return a residual (n,) without what tolerances explain of it [noise]."""
-    return residual - problem.noise_model.tolerances @ _likeliest(problem, residual)
-
-
-def beyond_deviations(problem: Problem, residual: Floats) -> Floats:
-    """Return the size of what tolerances leave, and of what their deviations cost, (n,) [noise].
-
-    Deviations of many tolerances explain nearly everything. A prior deviation counts as one reading
-    with an error of one noise; all of them are spread evenly over the readings.
-    """
-    sizes = _likeliest(problem, residual)
-    cost = float(sizes @ sizes) / float(np.sum(split(problem.measured) <= SELECT))
-    return np.asarray(np.sqrt(beyond_tolerances(problem, residual) ** 2 + cost))
-
-
-def _likeliest(problem: Problem, residual: Floats) -> Floats:
-    """Return the deviations (p,) by which tolerances explain a residual (n,) [tolerances]."""
-    use = split(problem.measured) <= SELECT
-    return likeliest_sizes(problem.noise_model.tolerances, np.ones(len(residual)), use, residual)
-
-
-def channel_power(problem: Problem, residual: Floats) -> Floats:
+def channel_powers(problem: Problem, *residuals: Floats) -> tuple[Floats, ...]:
     """Return the mean square of each channel on the report split, without tolerances [noise^2].
 
     Args:
         problem: what is to be explained.
-        residual: residual in units of noise, shape (n,).
+        residuals: residuals in units of noise, shape (n,) each.
 
     Returns:
-        Power by channel, shape (c,).
+        Power by channel of each residual, shape (c,).
     """
     report = split(problem.measured) == REPORT
-    left = beyond_tolerances(problem, residual)[report]
     channel, count = problem.measured.channel[report], len(problem.system.study.channels)
-    square = np.bincount(channel, left**2, minlength=count)
-    return np.asarray(square / np.maximum(np.bincount(channel, minlength=count), 1))
+    readings = np.maximum(np.bincount(channel, minlength=count), 1)
+
+    def power(left: Floats) -> Floats:
+        square = np.bincount(channel, left[report] ** 2, minlength=count)
+        return np.asarray(square / readings)
+
+    return tuple(power(one.left) for one in deviations(problem, *residuals))
 
 
 def dependences(

@@ -28,7 +28,7 @@ from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
 from reality_gap.inference.posteriors import search_branches
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.remainder import Remainder, channel_power
+from reality_gap.inference.remainder import Remainder, channel_powers
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
@@ -146,9 +146,8 @@ def _doubts(paying: Paying, doubt: float, verdict: Verdict, count: int) -> list[
     """Return the probability of each cause that unknown causes have its effect."""
     if verdict is not Verdict.PARTLY_NAMED:
         return [doubt] * count
-    problem = paying.result.problem
-    left = channel_power(problem, paying.result.best.residual)
-    without = [channel_power(problem, one.residual) for one in paying.tested.without]
+    residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
+    left, *without = channel_powers(paying.result.problem, *residuals)
     return [max(doubt, doubt_beside_unknown(more - left, left)) for more in without]
 
 

@@ -116,16 +116,18 @@ def likeliest_sizes(tolerances: Floats, inflation: Floats, use: Bools, residual:
         tolerances: N, shape (n, p).
         inflation: the diagonal of D, shape (n,).
         use: which readings to infer from, shape (n,).
-        residual: residual of all readings in units of sensor noise, shape (n,).
+        residual: residuals of all readings in units of sensor noise, shape (n,) or (n, k).
 
     Returns:
-        Deviations in tolerances, shape (p,).
+        Deviations in tolerances, shape (p,) or (p, k).
     """
     weight, count = 1.0 / np.sqrt(inflation[use]), tolerances.shape[1]
-    matrix = np.vstack([tolerances[use] * weight[:, None], np.eye(count)])
-    basis, triangle = np.linalg.qr(matrix)
-    right = basis.T @ np.concatenate([residual[use] * weight, np.zeros(count)])
-    return np.asarray(solve_triangular(triangle, right), dtype=np.float64)
+    columns = np.column_stack([tolerances, residual])[use] * weight[:, None]
+    prior = np.eye(count, columns.shape[1])
+    matrix: Floats = np.vstack([columns, prior])
+    triangle = np.asarray(np.linalg.qr(matrix, mode="r"))
+    sizes = solve_triangular(triangle[:count, :count], triangle[:count, count:])
+    return np.asarray(sizes, dtype=np.float64).reshape(count, *residual.shape[1:])
 
 
 def explained_by_tolerances(
@@ -133,6 +135,6 @@ def explained_by_tolerances(
 ) -> Floats:
     """Estimate the part of a residual that tolerances explain, shape (n,).
 
-    The arguments are those of `likeliest_sizes`.
+    The arguments are those of `likeliest_sizes`, with one residual.
     """
     return tolerances @ likeliest_sizes(tolerances, inflation, use, residual)

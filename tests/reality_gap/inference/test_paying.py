@@ -11,6 +11,7 @@ import pytest
 
 from reality_gap.diagnosis import Gain
 from reality_gap.inference.confidence import doubt_of_partial
+from reality_gap.inference.deviations import deviations
 from reality_gap.inference.end_stops import Stop
 from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.folds import Folds, _gain, _Part
@@ -23,7 +24,6 @@ from reality_gap.inference.paying import (
     held_out_criteria,
     keep_paying,
 )
-from reality_gap.inference.remainder import beyond_deviations
 from reality_gap.inference.waterfall import shares
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.splits import REPORT, split
@@ -166,10 +166,10 @@ def test_large_deviations_cost_as_much_as_errors(tmp_path: Path) -> None:
     case = Case(tmp_path, 30.0 * SHAPES[:, 0], [])
     problem = case.problem_with(SHAPES[:, [0]])
 
-    left = beyond_deviations(problem, case.null)
+    [found] = deviations(problem, case.null)
 
     cost = 30.0**2 / np.count_nonzero(case.learned)
-    assert np.mean(left**2) == pytest.approx(1.0 + cost, rel=0.1)
+    assert np.mean(found.left_with_cost**2) == pytest.approx(1.0 + cost, rel=0.1)
 
 
 def test_an_event_in_one_block_of_the_report_split_pays(tmp_path: Path) -> None:

@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reality_gap.inference.whitening import explained_by_tolerances, variance_inflation, whitening
+from reality_gap.inference.whitening import (
+    explained_by_tolerances,
+    likeliest_sizes,
+    variance_inflation,
+    whitening,
+)
 from reality_gap.types import Bools, Floats
 
 Case = tuple[Floats, Floats, Bools]
@@ -141,3 +146,15 @@ def test_the_part_that_tolerances_explain_is_the_posterior_mean(case: Case, seed
     inside = covariance(tolerances, inflation)[np.ix_(use, use)]
     expected = (tolerances @ tolerances.T)[:, use] @ np.linalg.solve(inside, residual[use])
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_deviations_of_several_residuals_are_those_of_each() -> None:
+    rng = np.random.default_rng(0)
+    tolerances, residuals = rng.standard_normal((40, 3)), rng.standard_normal((40, 2))
+    inflation, use = rng.uniform(1.0, 4.0, 40), np.arange(40) < 30
+
+    both = likeliest_sizes(tolerances, inflation, use, residuals)
+
+    each = [likeliest_sizes(tolerances, inflation, use, one) for one in residuals.T]
+    np.testing.assert_allclose(both, np.column_stack(each), atol=1e-12)
+    assert likeliest_sizes(tolerances[:, :0], inflation, use, residuals[:, 0]).shape == (0,)
