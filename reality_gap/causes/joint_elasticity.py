@@ -1,13 +1,13 @@
 """Joint elasticity: a gear between motor and link gives way in proportion to its torque.
 
 The encoder is on the motor, as in most servos and in arms with harmonic drives. At the torque ``T``
-the motor is ahead of the link by ``compliance T``, so that a servo with the gain ``kp`` in front of
-the gear is softer by ``s = 1 / (1 + kp compliance)``. As with an elastic tendon (see
-`reality_gap.causes.tendon_elasticity`), the gain is multiplied by ``s``, the velocity gain and the
-inertia of the rotor by ``s^2``, and the command acts later by ``kd compliance s``; the encoder
-reads the position of the motor. This holds below the frequency at which the motor swings against
-the link. Source of the model: M. W. Spong, "Modeling and Control of Elastic Joint Robots", J. Dyn.
-Sys., Meas., Control 109 (1987), with a rotor in quasi-static motion.
+the motor is ahead of the link by ``c T`` with the compliance ``c``, and a servo with the gains
+``kp`` and ``kd`` in front of the gear exerts ``kp (u - q - c T) - kd (q' + c T')``. This is ``s (kp
+(u - q) - kd q')`` with ``s = 1 / (1 + kp c)``, filtered by a lag of ``kd c s``; it holds for fast
+motions, too. The inertia of the rotor is multiplied by ``s^2``, which holds below the frequency at
+which the motor swings against the link. The encoder reads the position of the motor. Source of the
+model: M. W. Spong, "Modeling and Control of Elastic Joint Robots", J. Dyn. Sys., Meas., Control 109
+(1987), with a rotor in quasi-static motion.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import clocks, encoders, joint_motors, typical_scales
-from reality_gap.study.system import System, column
-from reality_gap.types import Floats
+from reality_gap.causes.support import encoders, joint_motors, typical_scales
+from reality_gap.causes.support.force_lag import ForceLag
+from reality_gap.study.system import System
 
 ODDS = -2.0
 """Log odds of an elastic gear [nats]: it changes the gain of a servo and the reading of its encoder
@@ -59,8 +59,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         [name] = joint_motors.motors_of(system, location.elements[0])
         actuator, joint = spec.actuator(name), spec.joint(location.elements[0])
         actuator.gainprm[0] /= softer
-        actuator.biasprm[:2] /= softer
-        actuator.biasprm[2] /= softer**2
+        actuator.biasprm[:3] /= softer
         joint.armature /= softer**2
 
 
@@ -73,10 +72,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     speeds = encoders.speed_sensors(system, joint)
     actuator, softer = system.model.actuator(name), _softening(system, location, compliance)
     damping = -float(actuator.biasprm[2] * actuator.gear[0] ** 2)
-
-    def lag(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        late = damping * compliance / softer
-        return clocks.delayed(time, command, [column(model, name)], late)
+    late = damping * compliance / softer
 
     def read(record: Record) -> None:
         i = record.model.actuator(name).id
@@ -86,7 +82,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             record.sensors[:, record.column(sensor)] += np.gradient(ahead, record.time)
 
     if softer != 1.0 and damping > 0.0:
-        effects.commands.append(lag)
+        effects.add_hook(lambda model: ForceLag(model, (name,), late))
     effects.readings.append(read)
 
 
