@@ -25,7 +25,7 @@ from reality_gap.inference.effort_times import (
     half_sample_late,
     with_efforts_earlier,
 )
-from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
+from reality_gap.inference.expansion import Expanded, expand, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -273,8 +273,6 @@ class _Run:
         found = expand(replayer, tolerances, columns, [], self.null_residual)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
         for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
-            if is_noise(replayer, found.power):
-                break
             first = best.hypothesis[:i]
             residual = replayer.residual(first)
             beside = expand(replayer, tolerances, columns, first, residual)

@@ -24,6 +24,7 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
+from tests.reality_gap.causes.candidates import candidate
 
 NOISE = 1e-4
 """Noise of the encoders [rad]."""
@@ -251,3 +252,37 @@ def test_a_mirrored_encoder_is_no_deviation_of_its_scale(tmp_path: Path) -> None
     found = diagnose(study(mirrored), causes=causes, options=Options(suggest=False))
 
     assert found.verdict is not Verdict.NOTHING_WRONG
+
+
+PENDULUM = """<mujoco><option timestep="0.005"/><worldbody><body name="pole" pos="0 0 0.6">
+<joint name="hinge" damping="0.1" axis="0 1 0"/>
+<geom type="sphere" size="0.05" pos="0 0 0.5" mass="1"/></body></worldbody>
+<actuator><motor name="torque" joint="hinge"/></actuator>
+<sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+"""A pendulum that a weak motor swings."""
+
+
+def test_a_fault_that_leaves_little_more_than_noise_is_not_taken_for_deviations(
+    tmp_path: Path,
+) -> None:
+    """What deviations in place of the load leave has the power of noise, by chance."""
+    path, noise, mass = tmp_path / "pendulum.xml", 0.006, 0.06
+    path.write_text(PENDULUM)
+    time = np.arange(0.0, 10.0, 0.01)
+    command = (0.6 * (np.sin(2.1 * time) + np.sin(3.7 * time)))[:, None]
+
+    def study(values: Floats) -> Study:
+        episode = Episode("only", time, command, (Reading(time, values),))
+        return Study("pendulum", path, (Channel("angle", "angle", noise=noise),), (episode,))
+
+    with Replayer(study(0.0 * time)) as replayer:
+        load = candidate(replayer.system, "payload", "pole")
+        clean = replayer.replay([(load, load.null_values() | {"mass": mass})]).prediction
+    values = clean + noise * np.random.default_rng(2).standard_normal(len(time))
+    causes = [CATALOGUE[id] for id in (*KINDS, "payload", "dead_zone", "clock_drift")]
+
+    found = diagnose(study(values), causes=causes, options=Options(suggest=False))
+
+    [cause] = found.causes
+    assert {cause.candidate.cause.id, *cause.equivalent} == {"payload", "link_mass"}
+    assert cause.parameters["mass"].low < mass < cause.parameters["mass"].high
