@@ -3,11 +3,11 @@
 The encoder is on the motor, as in most servos and in arms with harmonic drives. At the torque ``T``
 the motor is ahead of the link by ``c T`` with the compliance ``c``, and a servo with the gains
 ``kp`` and ``kd`` in front of the gear exerts ``kp (u - q - c T) - kd (q' + c T')``. This is ``s (kp
-(u - q) - kd q')`` with ``s = 1 / (1 + kp c)``, filtered by a lag of ``kd c s``; it holds for fast
-motions, too. The inertia of the rotor is multiplied by ``s^2``, which holds below the frequency at
-which the motor swings against the link. The encoder reads the position of the motor. Source of the
-model: M. W. Spong, "Modeling and Control of Elastic Joint Robots", J. Dyn. Sys., Meas., Control 109
-(1987), with a rotor in quasi-static motion.
+(u - q) - kd q')`` with ``s = 1 / (1 + kp c)``, filtered by a lag of ``kd c s``, exactly if the
+rotor has no inertia. The inertia of a rotor is multiplied by ``s^2``, an approximation for light
+ones: it leaves out that the motor also turns with its command, and that its inertia takes a part of
+the torque. Source of the model: M. W. Spong, "Modeling and Control of Elastic Joint Robots", J.
+Dyn. Sys., Meas., Control 109 (1987).
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class _SagHook:
         bias, step = model.actuator_biasprm, model.opt.timestep
         lengths, velocities = data.ten_length, data.ten_velocity
         for tendon in self._tendons:
-            drive = data.ctrl[tendon.input] if tendon.act < 0 else data.act[tendon.act]
+            drive = tendon.drive(model, data)
             plain = bias[tendon.actuator, 0] - tendon.added
             length = lengths[tendon.id] + step * velocities[tendon.id]
             tendon.added = tendon.slope * tendon.sag(
@@ -104,7 +104,7 @@ class _SaggingTendon:
     ) -> None:
         self.id = int(model.tendon(tendon.name).id)
         self.actuator = i = int(model.actuator(tendon.actuator).id)
-        self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
+        self.drive = actuators.Drive(model, i)
         self.gain, self.gear = float(model.actuator_gainprm[i, 0]), float(model.actuator_gear[i, 0])
         self.slope = float(model.actuator_biasprm[i, 1]) * self.gear
         self.added = 0.0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
+import numpy as np
 
 from reality_gap.causes.base import Record
 from reality_gap.study.system import ActuatedTendon
@@ -31,6 +34,33 @@ def make_affine(actuator: mujoco.MjsActuator) -> None:
     if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
         actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         actuator.biasprm[:] = 0.0
+
+
+class Drive:
+    """What the gain of an actuator multiplies: its activation, or its command as it acts.
+
+    MuJoCo delays and limits commands in a step and leaves ``ctrl`` as it is.
+    """
+
+    def __init__(self, model: mujoco.MjModel, actuator: int) -> None:
+        self._index, self._input = actuator, int(model.actuator_ctrladr[actuator])
+        self._act = int(model.actuator_actadr[actuator])
+        self._history = [int(x) for x in model.actuator_history[actuator]]
+        limited = model.actuator_ctrllimited[self._input]  # by input, which not all actuators have
+        limits = model.actuator_ctrlrange[self._input] if limited else (-math.inf, math.inf)
+        self._low, self._high = map(float, limits)
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Return it for the coming step."""
+        if self._act >= 0:
+            return float(data.act[self._act])
+        samples, interpolation = self._history
+        command = data.ctrl[self._input]
+        if samples:
+            room = np.zeros((1, 1))
+            read = mujoco.mj_readCtrl(model, data, self._index, data.time, room, interpolation)
+            command = read.item()
+        return min(max(float(command), self._low), self._high)
 
 
 def pull(record: Record, tendon: ActuatedTendon) -> Floats:

@@ -10,6 +10,8 @@ import math
 
 import mujoco
 
+from reality_gap.causes.support.actuators import Drive
+
 
 class ForceLag:
     """Hook that filters the forces of actuators, from the first step on.
@@ -24,11 +26,11 @@ class ForceLag:
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Write the biases with which the actuators exert the filtered forces."""
         bias, step = model.actuator_biasprm, model.opt.timestep
-        command, lengths, velocities = data.ctrl, data.actuator_length, data.actuator_velocity
+        lengths, velocities = data.actuator_length, data.actuator_velocity
         for motor in self._motors:
             i, velocity = motor.index, velocities[motor.index]
             plain = bias[i, 0] - motor.added
-            wanted = motor.gain * command[motor.input] + motor.feeds * (
+            wanted = motor.gain * motor.drive(model, data) + motor.feeds * (
                 plain + bias[i, 1] * (lengths[i] + step * velocity) + bias[i, 2] * velocity
             )
             wanted = min(max(wanted, motor.low), motor.high)
@@ -43,7 +45,7 @@ class _Motor:
 
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
         self.index = i = int(model.actuator(name).id)
-        self.input = int(model.actuator_ctrladr[i])
+        self.drive = Drive(model, i)
         self.gain = float(model.actuator_gainprm[i, 0])
         self.feeds = float(int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE))
         limits = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else None

@@ -30,6 +30,18 @@ def commands() -> Floats:
     return 0.3 * np.sin(10.0 * np.pi * TIME) + 0.2 * (np.floor(TIME / 0.35) % 2)
 
 
+def states(rates: list[list[float]], drive: list[float]) -> Floats:
+    """Return the states (k, n) of ``x' = rates x + drive u`` at held commands u."""
+    k = len(drive)
+    system = np.array(rates), np.array(drive)[:, None], np.eye(k), np.zeros((k, 1))
+    move, push, *_ = cont2discrete(system, STEP)
+    state, found = np.zeros(k), []
+    for command in commands():
+        found.append(state)
+        state = move @ state + push[:, 0] * command
+    return np.array(found, dtype=np.float64).T
+
+
 def solved(inertia: float, kp: float, kd: float, compliance: float) -> tuple[Floats, Floats]:
     """Return the motor's angle [rad] and the torque [N m], shape (n,) each.
 
@@ -41,13 +53,7 @@ def solved(inertia: float, kp: float, kd: float, compliance: float) -> tuple[Flo
         [0.0, 0.0, 1.0 / inertia],
         [-kp / lag, -kd / lag, -(1.0 + kp * compliance) / lag],
     ]
-    system = (np.array(rates), np.array([[0.0], [0.0], [kp / lag]]), np.eye(3), np.zeros((3, 1)))
-    move, push, *_ = cont2discrete(system, STEP)
-    state, found = np.zeros(3), []
-    for command in commands():
-        found.append(state)
-        state = move @ state + push[:, 0] * command
-    angle, _, torque = np.array(found).T
+    angle, _, torque = states(rates, [0.0, 0.0, kp / lag])
     return angle + compliance * torque, torque
 
 
@@ -65,13 +71,7 @@ def solved_with_rotor(
         [0.0, 0.0, 0.0, 1.0],
         [spring / rotor, 0.0, -(kp + spring) / rotor, -kd / rotor],
     ]
-    drive = np.array([[0.0], [0.0], [0.0], [kp / rotor]])
-    move, push, *_ = cont2discrete((np.array(rates), drive, np.eye(4), np.zeros((4, 1))), STEP)
-    state, found = np.zeros(4), []
-    for command in commands():
-        found.append(state)
-        state = move @ state + push[:, 0] * command
-    link, _, motor, _ = np.array(found).T
+    link, _, motor, _ = states(rates, [0.0, 0.0, 0.0, kp / rotor])
     return motor, (motor - link) * spring
 
 
@@ -110,8 +110,12 @@ def test_it_is_right_in_motions_that_are_faster_than_the_lag_of_the_gear(
     assert after < 1.0
 
 
-def test_a_light_rotor_moves_with_the_motor(tmp_path: Path) -> None:
-    inertia, rotor, kp, kd, compliance = 0.1, 0.02, 50.0, 4.0, 0.02
+@pytest.mark.parametrize(
+    "rotor",
+    [0.02, pytest.param(0.1, marks=pytest.mark.xfail(strict=True, reason="as heavy as the link"))],
+)
+def test_a_light_rotor_moves_with_the_motor(tmp_path: Path, rotor: float) -> None:
+    inertia, kp, kd, compliance = 0.1, 50.0, 4.0, 0.02
     servo = SERVO.format(inertia=inertia, kp=kp, kd=kd, armature=rotor)
     solution = solved_with_rotor(inertia, rotor, kp, kd, compliance)
     before, after = errors(tmp_path, servo, solution, kp, compliance)
