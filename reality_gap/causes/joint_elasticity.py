@@ -1,13 +1,11 @@
 """Joint elasticity: a gear between motor and link gives way in proportion to its torque.
 
-The encoder is on the motor, as in most servos and in arms with harmonic drives. At the torque ``T``
-the motor is ahead of the link by ``c T`` with the compliance ``c``, and a servo with the gains
-``kp`` and ``kd`` in front of the gear exerts ``kp (u - q - c T) - kd (q' + c T')``. This is ``s (kp
-(u - q) - kd q')`` with ``s = 1 / (1 + kp c)``, filtered by a lag of ``kd c s``, exactly if the
-rotor has no inertia. The inertia of a rotor is multiplied by ``s^2``, an approximation for light
-ones: it leaves out that the motor also turns with its command, and that its inertia takes a part of
-the torque. Source of the model: M. W. Spong, "Modeling and Control of Elastic Joint Robots", J.
-Dyn. Sys., Meas., Control 109 (1987).
+The encoder is on the motor, as in most servos and in arms with harmonic drives, and so is the
+armature of the joint, the inertia of the rotor. Source of the model: M. W. Spong, "Modeling and
+Control of Elastic Joint Robots", J. Dyn. Sys., Meas., Control 109 (1987). A replay solves it
+(`support/elastic_gear.py`). What the extended model has of it is the softer servo, which is right
+at rest: at the torque ``T`` the motor is ahead of the link by ``c T`` with the compliance ``c``, so
+that ``T = kp (u - q - c T)`` is ``s kp (u - q)`` with ``s = 1 / (1 + kp c)``.
 """
 
 from __future__ import annotations
@@ -15,9 +13,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import encoders, joint_motors, typical_scales
-from reality_gap.causes.support.force_lag import ForceLag
+from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Record, Values
+from reality_gap.causes.support import efforts, encoders, joint_motors, typical_scales
+from reality_gap.causes.support.elastic_gear import ElasticGear
 from reality_gap.study.system import System
 
 ODDS = -2.0
@@ -69,20 +67,28 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         return
     [name] = joint_motors.motors_of(system, joint)
     [encoder] = encoders.encoders(system, location)
-    speeds = encoders.speed_sensors(system, joint)
-    actuator, softer = system.model.actuator(name), _softening(system, location, compliance)
-    damping = -float(actuator.biasprm[2] * actuator.gear[0] ** 2)
-    late = damping * compliance / softer
+    speeds, forces = encoders.speed_sensors(system, joint), efforts.of_joint(system, joint)
+    softer = _softening(system, location, compliance)
+    gears: dict[int, ElasticGear] = {}
+
+    def make(model: mujoco.MjModel) -> Hook:
+        gears[id(model)] = gear = ElasticGear(model, name, joint, compliance, softer)
+        return gear
 
     def read(record: Record) -> None:
-        i = record.model.actuator(name).id
-        ahead = compliance * record.model.actuator_gear[i, 0] * record.force[:, i]
-        encoders.add_to_reading(record, encoder, ahead)
+        i, hook = record.model.actuator(name).id, gears.pop(id(record.model), None)
+        torque = record.model.actuator_gear[i, 0] * record.force[:, i]
+        motor, spring = (torque, torque) if hook is None else hook.exerted(len(torque))
+        encoders.add_to_reading(record, encoder, compliance * spring)
         for sensor in speeds:
-            record.sensors[:, record.column(sensor)] += np.gradient(ahead, record.time)
+            record.sensors[:, record.column(sensor)] += np.gradient(
+                compliance * spring, record.time
+            )
+        for sensor, ratio in forces:
+            record.sensors[:, record.column(sensor)] += (motor - torque) / ratio
 
-    if softer != 1.0 and damping > 0.0:
-        effects.add_hook(lambda model: ForceLag(model, (name,), late))
+    if softer != 1.0 or system.model.dof_armature[system.model.joint(joint).dofadr[0]]:
+        effects.add_hook(make)
     effects.readings.append(read)
 
 

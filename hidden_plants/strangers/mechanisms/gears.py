@@ -9,7 +9,7 @@ motor_coupling, the share of the motion of the joint before with which a motor t
 from __future__ import annotations
 
 from functools import partial
-from math import copysign, exp
+from math import ceil, copysign, exp
 
 import numpy as np
 
@@ -30,8 +30,8 @@ DRIVEN = ("motors", "servos")
 CONTROLLED = ("servos", "efforts")
 """Kinds of machines with such a motor in closed loop. In open loop, friction that falls with the
 speed makes the motion chaotic, so that no log tells more than that it is there."""
-QUICKEST = 0.002
-"""Least time constant of a windup [s]."""
+SMOOTH = 0.1
+"""Angle of a gear's vibration in one step of its integration [rad]."""
 
 
 class Bend:
@@ -88,21 +88,6 @@ def _tune_rubbing(plant: Plant, effect: Effect) -> None:
     plant.body_devices.append(lambda: partial(rub, Bend(travel)))
 
 
-class Windup:
-    """Elastic gear: the encoder on the motor is ahead of the joint by the windup."""
-
-    def __init__(self, index: int, compliance: float, stiffness: float, step: float) -> None:
-        self.index, self.compliance, self.windup = index, compliance, 0.0
-        time = max(QUICKEST, 4.0 * step * (1.0 + compliance * stiffness))
-        self.share = 1.0 - exp(-step / time)
-
-    def __call__(self, state: State) -> None:
-        """Add the windup to the encoder reading."""
-        target = self.compliance * float(state.force[self.index])
-        self.windup += self.share * (target - self.windup)
-        state.encoder[self.index] += self.windup
-
-
 def _elastic(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
     if stranger.traits.kind not in DRIVEN or stranger.traits.velocities:
         return []  # sensors of speed are at the joints of these machines
@@ -113,45 +98,63 @@ def _elastic(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
     ]
 
 
-class ServoBehindSpring:
-    """Servo on a motor without inertia, which pulls the joint through an elastic gear.
+class RotorBehindSpring:
+    """Rotor with an encoder, which pulls its joint through an elastic gear.
 
-    The windup ``w`` of the compliance ``c`` obeys ``kd (w' + v) = kp (u - q - w) - w / c``.
+    Both are integrated in short steps, in which all other forces accelerate the joint as in the
+    step before. The joint's own inertia is ``link`` there.
     """
 
-    def __init__(self, index: int, compliance: float, stiffness: float, damping: float) -> None:
-        self.index, self.stiffness, self.damping = index, stiffness, damping
-        self.compliance, self.windup = compliance, 0.0
-        self.total = stiffness + 1.0 / compliance
+    def __init__(self, index: int, compliance: float, rotor: float, link: float, rate: float):
+        self.index, self.compliance, self.rate = index, compliance, rate
+        self.rotor, self.link = rotor, link
+        self.vibrates = ((1.0 / rotor + 1.0 / link) / compliance) ** 0.5
+        self.position = self.speed = self.before = self.torque = 0.0
+        self.is_new = True
 
     def read(self, state: State) -> None:
-        """Read the encoder on the motor."""
-        state.encoder[self.index] += self.windup
-
-    def act(self, state: State) -> None:
-        """Let the gear give way, and exert its force."""
+        """Read the encoder on the rotor."""
         i = self.index
-        error = float(state.command[i]) - (float(state.encoder[i]) - self.windup)
-        end = (self.stiffness * error - self.damping * float(state.velocity[i])) / self.total
-        keep = exp(-self.total / self.damping * state.step)
-        self.windup = end + (self.windup - end) * keep
-        state.force[i] = self.windup / self.compliance
+        if self.is_new:
+            self.position, self.is_new = float(state.position[i]), False
+        state.encoder[i] += self.position - float(state.position[i])
+
+    def brake(self, state: State) -> None:
+        """Let the servo brake the rotor instead of the joint."""
+        state.force[self.index] += self.rate * (self.speed - float(state.velocity[self.index]))
+
+    def pull(self, state: State) -> None:
+        """Exert the mean torque of the gear in this step."""
+        i = self.index
+        force, joint, speed = (float(x[i]) for x in (state.pull, state.position, state.velocity))
+        others = (speed - self.before) / state.step - self.torque / self.link
+        self.before, self.torque = speed, 0.0
+        count = ceil(state.step * self.vibrates / SMOOTH)
+        step = state.step / count
+        for _ in range(count):
+            torque = (self.position - joint) / self.compliance
+            self.speed += step * (force - torque) / self.rotor
+            speed += step * (others + torque / self.link)
+            self.position += step * self.speed
+            joint += step * speed
+            self.torque += torque / count
+        state.pull[i] = self.torque
 
 
 def _tune_elastic(plant: Plant, effect: Effect) -> None:
-    i, compliance, law = joint_of(plant, effect.elements[0]), effect.parameters["size"], plant.law
-    stiffness, damping = float(abs(law.position[i])), float(abs(law.rate[i]))
-    if not stiffness:
-        plant.encoder_devices.insert(0, lambda: Windup(i, compliance, stiffness, plant.step))
-        return
-    here: list[ServoBehindSpring] = []
+    i, compliance = joint_of(plant, effect.elements[0]), effect.parameters["size"]
+    rate, rotor = float(plant.law.rate[i]), float(plant.model.dof_armature[i])
+    link = float(plant.stranger.design.inertia[i] - plant.stranger.design.armature[i])
+    plant.model.dof_armature[i] = 0.0
+    here: list[RotorBehindSpring] = []
 
     def make() -> Device:
-        here[:] = [ServoBehindSpring(i, compliance, stiffness, damping)]
+        here[:] = [RotorBehindSpring(i, compliance, rotor, link, rate)]
         return here[0].read
 
     plant.encoder_devices.insert(0, make)
-    plant.law_devices.append(lambda: here[0].act)
+    plant.law_devices.append(lambda: here[0].brake)
+    plant.pull_devices.append(lambda: here[0].pull)
 
 
 def _coupled(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:

@@ -31,6 +31,20 @@ def joints(system: System) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
+def of_joint(system: System, joint: str) -> tuple[tuple[str, float], ...]:
+    """Return the sensors of the force of a joint's motor, each with the gear in front of it."""
+    model, found = system.model, list[tuple[str, float]]()
+    for name in _sensors(system):
+        motor = _motor(system, name)
+        if motor.kind == "joint" and motor.elements == (joint,):
+            found.append((name, 1.0))
+        elif motor.kind == "actuator" and motor.elements[0] in joint_motors.motors_of(
+            system, joint
+        ):
+            found.append((name, float(model.actuator(motor.elements[0]).gear[0])))
+    return tuple(found)
+
+
 def typical(system: System, sensor: str) -> tuple[str, float]:
     """Return unit and typical size of what a sensor of a joint motor's force measures."""
     motor = _motor(system, sensor)

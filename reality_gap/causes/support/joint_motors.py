@@ -63,7 +63,6 @@ class MotorForce:
         self._position = int(model.joint(joint).qposadr[0])
         self._dof = int(model.joint(joint).dofadr[0])
         self._drive = actuators.Drive(model, i)
-        self._gain = float(model.actuator_gainprm[i, 0])
         self._gear = float(model.actuator_gear[i, 0])
         affine = int(mujoco.mjtBias.mjBIAS_AFFINE)
         self._feeds = float(int(model.actuator_biastype[i]) == affine)
@@ -72,7 +71,7 @@ class MotorForce:
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the force behind the gear [N or N m]."""
         i, bias = self._index, model.actuator_biasprm
-        force = self._gain * self._drive(model, data)
+        force = float(model.actuator_gainprm[i, 0]) * self._drive(model, data)
         if self._feeds:
             force += bias[i, 0] + self._gear * (
                 bias[i, 1] * data.qpos[self._position] + bias[i, 2] * data.qvel[self._dof]

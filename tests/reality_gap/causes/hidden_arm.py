@@ -19,7 +19,7 @@ from reality_gap.types import Floats
 LINKS = """
 <mujoco>
   <option timestep="0.002" integrator="implicitfast"/>
-  <default><joint axis="0 1 0" armature="0.02" damping="0.3" {joint}/></default>
+  <default><joint axis="0 1 0" armature="{rotor}" damping="0.3" {joint}/></default>
   <worldbody>
     <body name="upper">
       <joint name="shoulder"/>
@@ -39,6 +39,7 @@ FINGERTIP = """<body name="tip" pos="0.25 0 0"><joint name="tip" stiffness="0.2"
 <geom type="capsule" size="0.015" fromto="0 0 0 0.1 0 0" mass="0.1"/></body>"""
 JOINTS = ("shoulder", "elbow")
 KP, KD, LIMIT = np.array([60.0, 30.0]), np.array([3.0, 1.5]), np.array([25.0, 8.0])
+ROTOR = 0.02
 STEP, PERIOD, SETTLE = 5e-4, 0.02, 1.0
 NOISE = {"at": 5e-4, "force": 0.02}
 
@@ -58,6 +59,7 @@ def model_text(motors: bool, tip: bool = False) -> str:
     if not motors:
         sensors += [f'<actuatorfrc name="force_{j}" actuator="{j}"/>' for j in JOINTS]
     return LINKS.format(
+        rotor=ROTOR,
         joint='stiffness="20"' if motors else "",
         more=FINGERTIP if tip else "",
         actuators="".join(plain if motors else servos),
@@ -73,12 +75,14 @@ class Machine:
         motors: whether it has torque motors instead of position servos.
         tip: whether a last joint without a motor follows.
         seconds: length of the log [s].
+        rotors: joints whose rotors the machine moves itself.
         memory: state of an effect.
     """
 
     motors: bool = False
     tip: bool = False
     seconds: float = 8.0
+    rotors: tuple[str, ...] = ()
     memory: dict[str, Floats] = field(default_factory=dict)
 
     def command(self, time: float) -> Floats:
@@ -149,6 +153,8 @@ def _simulated(machine: Machine) -> tuple[Floats, Floats]:
     if not machine.motors:
         for j in JOINTS:
             spec.joint(j).stiffness = [0.0, 0.0, 0.0]
+    for j in machine.rotors:
+        spec.joint(j).armature = 0.0
     spec.option.timestep = STEP
     model = spec.compile()
     data, force, driven = mujoco.MjData(model), np.zeros(2), slice(0, 2)

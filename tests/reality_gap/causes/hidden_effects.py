@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reality_gap.types import Floats
-from tests.reality_gap.causes.hidden_arm import LIMIT, PERIOD, SETTLE, STEP, Machine
+from tests.reality_gap.causes.hidden_arm import LIMIT, PERIOD, ROTOR, SETTLE, STEP, Machine
 
 
 @dataclass
@@ -106,13 +106,22 @@ class RubbingGear(Machine):
 
 @dataclass
 class ElasticGear(Machine):
-    """The elbow's gear gives way by 10 mrad per N m, in front of the encoder on its motor."""
+    """The elbow's gear gives way by 10 mrad per N m, in front of its rotor with the encoder."""
 
     motors: bool = True
+    rotors: tuple[str, ...] = ("elbow",)
 
     def encoder(self, q: Floats, force: Floats) -> Floats:
-        """The motor is ahead of the link."""
-        return q[:2] + np.array([0.0, 0.01 * force[1]])
+        """The rotor is ahead of the link."""
+        return np.array([q[0], self.memory.setdefault("rotor", np.array([q[1], 0.0]))[0]])
+
+    def passive(self, q: Floats, v: Floats, force: Floats) -> Floats:
+        """The spring pulls the link instead of the motor, which accelerates its rotor."""
+        position, speed = self.memory["rotor"]
+        torque = (position - q[1]) / 0.01
+        speed += STEP * (force[1] - torque) / ROTOR
+        self.memory["rotor"] = np.array([position + STEP * speed, speed])
+        return np.array([0.0, torque - force[1]])
 
 
 @dataclass
