@@ -16,7 +16,7 @@ from reality_gap.simulation.inverse_dynamics import left_out
 from reality_gap.simulation.replay_warnings import replay_warnings
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
-from reality_gap.study.system import compile_system
+from reality_gap.study.system import command_limits, commanded, compile_system
 from reality_gap.types import Floats
 
 QUIET = 3.0
@@ -129,9 +129,10 @@ def _commands(study: Study) -> list[str]:
     found, still = [], []
     commands = np.concatenate([episode.command for episode in study.episodes])
     names = actuator_names(model)
-    for i, (name, (low, high)) in enumerate(zip(names, model.actuator_ctrlrange, strict=True)):
+    for i, (name, actuator) in enumerate(zip(names, commanded(model), strict=True)):
+        low, high = command_limits(model, actuator)
         outside = np.mean((commands[:, i] < low) | (commands[:, i] > high))
-        if model.actuator_ctrllimited[i] and outside > 0.0:
+        if outside > 0.0:
             found.append(
                 f"the command of {name} exceeds the model's ctrlrange ({low:.3g} to {high:.3g}) in "
                 f"{100.0 * outside:.3g} % of the rows, where the model clips it"

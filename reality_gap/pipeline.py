@@ -25,7 +25,7 @@ from reality_gap.inference.effort_times import (
     half_sample_late,
     with_efforts_earlier,
 )
-from reality_gap.inference.expansion import Expanded, expand, is_small
+from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -247,10 +247,10 @@ class _Run:
             self.null_residual = null = replayer.residual([])
             columns = tolerance_columns(replayer, tolerances, null)
             result = self._search_with(columns, null, screened, result.singles)
-        if result.stop is None and not is_small(replayer, columns, result.best.residual):
+        if not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
-            likeliest = self._expand(tolerances, columns, result.best)
-            if likeliest.expansion.parts and likeliest.power < FAR:
+            likeliest, suits = self._expand(tolerances, columns, result)
+            if likeliest.expansion.parts and suits:
                 replayer.expansion = likeliest.expansion
                 null = replayer.residual([])
                 result = self._search_with(likeliest.columns, null, screened, result.singles)
@@ -267,10 +267,19 @@ class _Run:
             replayer, null, columns, screened.judged, options.search, deferred, known
         )
 
-    def _expand(self, tolerances: Sequence[Tolerance], columns: Floats, best: Fit) -> Expanded:
-        """Linearise about the likeliest deviations, with as many of the causes as are needed."""
-        replayer = self.replayer
+    def _expand(
+        self, tolerances: Sequence[Tolerance], columns: Floats, result: Search
+    ) -> tuple[Expanded, bool]:
+        """Linearise about the likeliest deviations, with as many of the causes as are needed.
+
+        Returns:
+            The linearisation, and whether to search again there. Where the search ended with a
+            stop, this is so if deviations alone leave noise: they bent what the stop explained.
+        """
+        replayer, best = self.replayer, result.best
         found = expand(replayer, tolerances, columns, [], self.null_residual)
+        if result.stop is not None:
+            return found, is_noise(replayer, found.power)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
         for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
             first = best.hypothesis[:i]
@@ -278,7 +287,7 @@ class _Run:
             beside = expand(replayer, tolerances, columns, first, residual)
             if 0.5 * count * (found.power - beside.power) > self.options.search.threshold:
                 found = beside
-        return found
+        return found, found.power < FAR
 
 
 def _not_judged(

@@ -15,6 +15,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import drives, elements, typical_scales
+from reality_gap.causes.support.actuators import Drive
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -94,10 +95,9 @@ class _DeadBand:
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Write the biases that make up for the errors within the dead zone."""
-        bias, command = model.actuator_biasprm, data.ctrl
+        bias = model.actuator_biasprm
         for servo in self._servos:
-            drive = command[servo.input] if servo.act < 0 else data.act[servo.act]
-            error = servo.ratio * drive - servo.motion.position(model, data)
+            error = servo.ratio * servo.drive(model, data) - servo.motion.position(model, data)
             added = -servo.stiffness * min(max(error, -servo.half), servo.half)
             bias[servo.index, 0] += added - servo.added
             servo.added = added
@@ -109,7 +109,7 @@ class _Servo:
     def __init__(self, model: mujoco.MjModel, name: str, half: float) -> None:
         self.index = i = int(model.actuator(name).id)
         self.motion = drives.Motion(model, name)
-        self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
+        self.drive = Drive(model, i)
         self.half = half * abs(float(model.actuator_gear[i, 0]))
         self.stiffness = -float(model.actuator_biasprm[i, 1])
         self.ratio = float(model.actuator_gainprm[i, 0]) / self.stiffness

@@ -122,12 +122,12 @@ def expand(
             found = here if here.power < found.power else found
     if walk.is_bent and walk.replay_slopes():
         here = walk.expanded(whole)
-        found = here if here.power < found.power or _is_noise(replayer, here.power) else found
+        found = here if here.power < found.power or is_noise(replayer, here.power) else found
     gain = 0.5 * whole.count * (plain.power - found.power)
     return found if gain > LEAST else plain
 
 
-def _is_noise(replayer: Replayer, power: float) -> bool:
+def is_noise(replayer: Replayer, power: float) -> bool:
     """Return whether a mean square of a whitened residual is that of noise."""
     count = np.count_nonzero(split(replayer.measured) <= SELECT)
     return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))

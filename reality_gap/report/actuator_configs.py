@@ -20,6 +20,7 @@ import numpy as np
 from reality_gap.causes.support.lugre import SLIDING
 from reality_gap.extended import Extended
 from reality_gap.report.engines import actuator_name, friction_of, spec_of
+from reality_gap.study.system import command_limits
 from reality_gap.types import Floats
 
 
@@ -164,8 +165,8 @@ def _lost(model: mujoco.MjModel, i: int) -> Iterator[str]:
     if np.isfinite(high) and not np.isclose(low, -high):
         element = _element(model, i)[1]
         yield f"the forces of all actuators of {element} are from {low:.4g} to {high:.4g}"
-    if model.actuator_ctrllimited[i]:
-        low, high = model.actuator_ctrlrange[i]
+    low, high = command_limits(model, i)
+    if np.isfinite(high):
         yield f"commands of the actuator {name} are limited to {low:.4g} to {high:.4g}"
     if gear != 1.0:
         yield f"commands of the actuator {name} are {gear:.4g} times those of its element"

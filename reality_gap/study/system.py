@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -144,6 +145,15 @@ def _path_sites(model: mujoco.MjModel, tendon: int) -> tuple[str, ...]:
 def commanded(model: mujoco.MjModel) -> tuple[int, ...]:
     """Return the ids of the actuators that take a command, in the order of the command columns."""
     return tuple(np.flatnonzero(model.actuator_ctrlnum).tolist())
+
+
+def command_limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+    """Return the least and the largest command that acts; infinite ones without limits or input."""
+    i = int(model.actuator_ctrladr[actuator])  # MuJoCo has them by input, which not all have
+    if not model.actuator_ctrlnum[actuator] or not model.actuator_ctrllimited[i]:
+        return -math.inf, math.inf
+    low, high = model.actuator_ctrlrange[i]
+    return float(low), float(high)
 
 
 def column(model: mujoco.MjModel, actuator: str) -> int:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Record
-from reality_gap.study.system import ActuatedTendon
+from reality_gap.study.system import ActuatedTendon, command_limits
 from reality_gap.types import Bools, Floats
 
 JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -46,9 +44,7 @@ class Drive:
         self._index, self._input = actuator, int(model.actuator_ctrladr[actuator])
         self._act = int(model.actuator_actadr[actuator])
         self._history = [int(x) for x in model.actuator_history[actuator]]
-        limited = model.actuator_ctrllimited[self._input]  # by input, which not all actuators have
-        limits = model.actuator_ctrlrange[self._input] if limited else (-math.inf, math.inf)
-        self._low, self._high = map(float, limits)
+        self._low, self._high = command_limits(model, actuator)
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return it for the coming step."""

@@ -8,6 +8,7 @@ velocity.
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -16,7 +17,7 @@ import numpy as np
 from scipy.stats.qmc import Halton
 
 from reality_gap.causes.support import actuators
-from reality_gap.study.system import System
+from reality_gap.study.system import System, command_limits
 from reality_gap.types import Floats
 
 POSTURES = 64
@@ -195,8 +196,8 @@ def _limit(model: mujoco.MjModel, actuator: int) -> float:
         return peak if peak >= 0.0 else scale / max(float(model.actuator_acc0[actuator]), 1e-12)
     fixed = int(model.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
     plain = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_NONE)
-    if fixed and plain and model.actuator_ctrllimited[actuator]:
-        reach = float(np.max(np.abs(model.actuator_ctrlrange[actuator])))
+    reach = max(map(abs, command_limits(model, actuator)))
+    if fixed and plain and math.isfinite(reach):
         return reach * abs(float(model.actuator_gainprm[actuator, 0]))
     return 0.0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from reality_gap.report.plots.commands import commands
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import System, compile_system
+from reality_gap.study.system import System, command_limits, compile_system
 from tests.reality_gap.conftest import MODEL, StudyFolder
 
 BRAKE = (
@@ -107,3 +108,17 @@ def test_an_actuator_with_several_inputs_is_refused(
     model = MODEL.replace(BEGIN, BEGIN + pid) if begin else MODEL.replace(END, pid + END)
     with pytest.raises(StudyError, match=f"'servo' .* takes {len(inputs.split())} inputs"):
         study(study_folder, model)
+
+
+def test_limits_of_commands_are_those_of_the_actuator() -> None:
+    """MuJoCo has them by input, and a brake has none."""
+    limited = '<motor name="limited" joint="elbow" ctrlrange="-2 3"/>'
+    free = '<motor name="free" joint="elbow"/>'
+    text = MODEL.replace(BEGIN, f"{BEGIN}{BRAKE}{limited}{BRAKE.replace('brake', 'other')}{free}")
+    model = mujoco.MjModel.from_xml_string(text)
+    found = {
+        name: command_limits(model, model.actuator(name).id)
+        for name in ("brake", "limited", "other", "free")
+    }
+    none = (-np.inf, np.inf)
+    assert found == {"brake": none, "limited": (-2.0, 3.0), "other": none, "free": none}
