@@ -274,12 +274,10 @@ class _Run:
 
         Returns:
             The linearisation, and whether to search again there. Where the search ended with a
-            stop, this is so if deviations alone leave noise: they bent what the stop explained.
+            stop, this is so if noise is left: what is not linear in deviations looked like a stop.
         """
         replayer, best = self.replayer, result.best
         found = expand(replayer, tolerances, columns, [], self.null_residual)
-        if result.stop is not None:
-            return found, is_noise(replayer, found.power)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
         for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
             first = best.hypothesis[:i]
@@ -287,6 +285,8 @@ class _Run:
             beside = expand(replayer, tolerances, columns, first, residual)
             if 0.5 * count * (found.power - beside.power) > self.options.search.threshold:
                 found = beside
+        if result.stop is not None:
+            return found, is_noise(replayer, found.power)
         return found, found.power < FAR
 
 

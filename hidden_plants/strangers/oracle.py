@@ -5,9 +5,10 @@ but not their values. Let dy be the change of all readings by the effect. Its de
 with d^2 = dy' C^-1 dy, where C is the covariance of the noise plus that of the mismatches, which
 comes from finite differences in every mismatch: of a quicker simulation where they are small. As
 they are not linear, the likeliest mismatches are simulated, too, and d^2 is at most what these
-leave of dy, and what they cost. The noise of a channel includes the RMS by which the nominal model
-misses a machine without mismatches, because of its time step and of its law of friction. The floor
-is the amplitude at which d = 5.
+leave of dy, and what they cost. Where a mismatch is the same change of the machine as the effect,
+d^2 is at most its cost. The noise of a channel includes the RMS by which the nominal model misses a
+machine without mismatches, because of its time step and of its law of friction. The floor is the
+amplitude at which d = 5.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from hidden_plants.secret import Effect
 from hidden_plants.strangers.inverse import seen_torques
 from hidden_plants.strangers.mechanisms.mechanism import Structure
-from hidden_plants.strangers.mismatch import mismatch_at, mismatch_size
+from hidden_plants.strangers.mismatch import Tolerances, mismatch_at, mismatch_size
 from hidden_plants.strangers.native import whitened_natively
 from hidden_plants.strangers.readings import real_run, run, whitened
 from hidden_plants.strangers.stranger import Stranger
@@ -53,6 +54,44 @@ class Background:
     inner: Floats
 
 
+_RELATIVE = {
+    "armature": ("armature", "dof_armature"),
+    "less_damping": ("damping", ""),
+    "less_friction": ("friction", ""),
+    "less_stiffness": ("stiffness", ""),
+    "link_mass": ("mass", "body_mass"),
+}
+"""Effects on a joint or body that are a mismatch, and the field of the model they are relative to;
+amplitudes without one are relative."""
+
+
+def cost_of_same(stranger: Stranger, effect: Effect) -> float:
+    """Squared mismatches, over their standard deviations, that are the same change of a machine.
+
+    Args:
+        stranger: nominal machine.
+        effect: a hidden effect.
+
+    Returns:
+        Their sum; infinite if no mismatch is the same.
+    """
+    size, widths, model = effect.amplitude, Tolerances(), stranger.model
+    if effect.id == "force_scale" and stranger.traits.kind == "motors":
+        return float(len(effect.elements) * (size / (SPREAD * widths.gain)) ** 2)
+    if effect.id not in _RELATIVE:
+        return float("inf")
+    name, field = _RELATIVE[effect.id]
+    if field:
+        [element] = effect.elements
+        index = (
+            int(model.joint(element).dofadr[0])
+            if field.startswith("dof")
+            else int(model.body(element).id)
+        )
+        size /= float(getattr(model, field)[index])
+    return float((size / (SPREAD * getattr(widths, name))) ** 2)
+
+
 class Oracle:
     """Detectability of effects on one machine; the first use simulates every mismatch once."""
 
@@ -71,6 +110,7 @@ class Oracle:
         along = change @ known.slopes
         sizes = known.inner @ along
         squared = float(change @ change) - float(along @ sizes)
+        squared = min(squared, cost_of_same(self.stranger, effect))
         alike = known.weight * self.readings(sizes=SPREAD * sizes) - known.middle
         if not np.isnan(alike).any():
             squared = min(squared, float(np.sum((change - alike) ** 2) + sizes @ sizes))

@@ -27,6 +27,21 @@ def test_a_mass_within_its_mismatch_is_not_seen() -> None:
     assert Oracle(stranger).distance(effect) < THRESHOLD
 
 
+def test_an_effect_within_a_mismatch_of_its_kind_is_not_seen_where_deviations_grow() -> None:
+    """In open loop the changes are not linear, so that linear mismatches do not make up for it."""
+    stranger = make_stranger(431, 4.0)
+    shares = {"less_damping": 0.05, "less_stiffness": 0.02}
+    sizes = {"armature": 0.05 * stranger.model.dof_armature[2]}
+    sizes |= {"link_mass": 0.02 * stranger.model.body("link3").mass[0]}
+    oracle = Oracle(stranger)
+    for id, size in (shares | sizes).items():
+        element = "link3" if id == "link_mass" else "j3"
+        effect = Effect(id, (element,), {"sign": 1.0, "size": float(size)}, float(size))
+        assert oracle.distance(effect) <= 3.0**0.5 + 1e-9, id
+    gain = Effect("force_scale", ("m_j3",), {"sign": -1.0, "size": 0.01}, 0.01)
+    assert oracle.distance(gain) <= 3.0**0.5 + 1e-9
+
+
 @pytest.mark.slow
 def test_a_real_machine_has_no_physics_step() -> None:
     stranger = make_stranger(418, 2.0)  # stiff servos, which multiply errors of positions

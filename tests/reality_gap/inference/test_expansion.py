@@ -124,6 +124,18 @@ def test_deviations_that_grow_with_the_time_are_found(tmp_path: Path, seed: int)
     assert corrected < 1.3
 
 
+def test_what_is_not_linear_in_deviations_is_no_stop(tmp_path: Path) -> None:
+    """A linear model leaves what a spring at one side explains by 160 nats."""
+    with Replayer(study_of(tmp_path, [], FALLING)) as replayer:
+        deviations = deviations_of(tolerances_of(replayer), 2)
+    study = study_of(tmp_path, deviations, FALLING)
+
+    found = diagnose(study, causes=[CATALOGUE[id] for id in KINDS], options=Options(suggest=False))
+
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert found.rms_before > 1000.0
+
+
 def test_deviations_that_are_hardly_linear_cost_few_replays(
     tmp_path: Path, tolerances: list[Tolerance], monkeypatch: pytest.MonkeyPatch
 ) -> None:
