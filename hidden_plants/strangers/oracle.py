@@ -59,6 +59,7 @@ _RELATIVE = {
     "less_damping": ("damping", ""),
     "less_friction": ("friction", ""),
     "less_stiffness": ("stiffness", ""),
+    "viscous_friction": ("damping", "dof_damping"),
     "link_mass": ("mass", "body_mass"),
 }
 """Effects on a joint or body that are a mismatch, and the field of the model they are relative to;
@@ -78,7 +79,7 @@ def cost_of_same(stranger: Stranger, effect: Effect) -> float:
     size, widths, model = effect.amplitude, Tolerances(), stranger.model
     if effect.id == "force_scale" and stranger.traits.kind == "motors":
         return float(len(effect.elements) * (size / (SPREAD * widths.gain)) ** 2)
-    if effect.id not in _RELATIVE:
+    if effect.id not in _RELATIVE or not effect.parameters.get("on_joint", 1.0):
         return float("inf")
     name, field = _RELATIVE[effect.id]
     if field:

@@ -2,7 +2,7 @@
 
 At the position ``q`` it reads ``q0 + (1 + scale) (q - q0)``, where ``q0`` is the position at the
 model's ``qpos0``. A servo feeds the wrong position and velocity back. If only the conversion of the
-log is wrong, the reading alone is.
+log is wrong, the reading alone is; it may then be mirrored, which is a scale of -2.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
+STABLE, MIRRORED = -0.9, -3.0
+"""Smallest scales, of an encoder that a servo needs and of a reading that may have another sign."""
 READING = "reading only"
 """Note of a location where the servo's feedback is right."""
 
@@ -33,7 +35,10 @@ def has_both(system: System, location: Location) -> bool:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("scale", "1", 0.02, 0.0003, -0.9, 2.0),)
+    [encoder] = encoders.encoders(system, location)
+    fed = bool(encoder.actuator) and location.note != READING
+    low = STABLE if fed or system.study.inverse else MIRRORED
+    return (Parameter("scale", "1", 0.02, 0.0003, low, 2.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -85,7 +90,8 @@ def _shrink(
 CAUSE = Cause(
     id="encoder_scale",
     title="scale of a joint encoder",
-    explanation="An encoder reads a joint's motion times a factor, as with a wrong gear ratio.",
+    explanation="An encoder reads a joint's motion times a factor, as with a wrong gear ratio; a "
+    "reading with a scale of -2 has the opposite sign.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -32,11 +32,14 @@ def test_an_effect_within_a_mismatch_of_its_kind_is_not_seen_where_deviations_gr
     stranger = make_stranger(431, 4.0)
     shares = {"less_damping": 0.05, "less_stiffness": 0.02}
     sizes = {"armature": 0.05 * stranger.model.dof_armature[2]}
+    sizes |= {"viscous_friction": 0.05 * stranger.model.dof_damping.ravel()[2]}
     sizes |= {"link_mass": 0.02 * stranger.model.body("link3").mass[0]}
     oracle = Oracle(stranger)
     for id, size in (shares | sizes).items():
         element = "link3" if id == "link_mass" else "j3"
-        effect = Effect(id, (element,), {"sign": 1.0, "size": float(size)}, float(size))
+        effect = Effect(
+            id, (element,), {"sign": 1.0, "size": float(size), "on_joint": 1.0}, float(size)
+        )
         assert oracle.distance(effect) <= 3.0**0.5 + 1e-9, id
     gain = Effect("force_scale", ("m_j3",), {"sign": -1.0, "size": 0.01}, 0.01)
     assert oracle.distance(gain) <= 3.0**0.5 + 1e-9
