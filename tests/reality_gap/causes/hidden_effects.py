@@ -125,6 +125,17 @@ class ElasticGear(Machine):
 
 
 @dataclass
+class MirroredReading(Machine):
+    """The log has the elbow's position with the wrong sign."""
+
+    motors: bool = True
+
+    def encoder(self, q: Floats, force: Floats) -> Floats:
+        """No motor needs it."""
+        return q[:2] * np.array([1.0, -1.0])
+
+
+@dataclass
 class DeadBand(Machine):
     """The elbow's servo ignores errors below 0.02 rad."""
 

@@ -22,6 +22,7 @@ EFFECTS: list[tuple[str, str, str, dict[str, float]]] = [
     ("SticksAtRest", "stribeck_friction", "elbow", {"stiction": 0.8, "speed": 0.2}),
     ("RubbingGear", "gear_friction", "shoulder", {"coefficient": 0.25, "presliding": 4e-3}),
     ("ElasticGear", "joint_elasticity", "elbow", {"compliance": 0.01}),
+    ("MirroredReading", "encoder_scale", "elbow", {"scale": -2.0}),
     ("DeadBand", "dead_zone", "elbow", {"half_width": 0.02}),
     ("DeadMotor", "dead_zone", "elbow", {"half_width": 0.4}),
     (
