@@ -67,10 +67,12 @@ class ElasticGear:
     """Hook that lets an actuator exert the torque of a spring between its rotor and its joint.
 
     Rotor and link are solved at once in each step, so that gears of any stiffness are stable, with
-    ``a`` of the previous step. The spring has Newmark's weights of three positions: (1, 2, 1) / 4
-    where the steps resolve the vibration of the gear, and (1, 0, 0) where they do not, so that it
-    gives way without vibrating. There, rotor and damping also stay at the joint, and the actuator
-    exerts in addition what accelerates them, so that a stiff gear is a rigid one.
+    the joint's damping, and ``a`` of the previous step without friction and contacts. The spring
+    has Newmark's weights of three positions: (1, 2, 1) / 4 where the steps resolve the vibration of
+    the gear, and (1, 0, 0) where they do not, so that it gives way without vibrating. There, rotor
+    and damping also stay at the joint, and the actuator exerts in addition what accelerates them,
+    so that a stiff gear is a rigid one. Several gears of one arm may diverge where each rotor is a
+    thousand times as heavy as its link.
 
     Args:
         model: of the replay; the rotor's inertia is that of the joint.
@@ -91,8 +93,8 @@ class ElasticGear:
         limits = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else None
         ends = (-math.inf, math.inf) if limits is None else self._gear * limits
         self._low, self._high = float(min(ends)), float(max(ends))
-        self._unit, self._found = np.zeros((2, 1, model.nv))
-        self._unit[0, self._dof] = 1.0
+        self._right, self._found = np.zeros((2, 2, model.nv))
+        self._right[0, self._dof] = 1.0
         self._bias = self._written = float(model.actuator_biasprm[i, 0])
         self._rotor: _Rotor | None = None
         self._history: list[tuple[float, float]] = []
@@ -147,7 +149,8 @@ class ElasticGear:
 
     def _mobility(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the acceleration of the joint per torque."""
-        mujoco.mj_solveM(model, data, self._found, self._unit)
+        self._right[1] = 0.0
+        mujoco.mj_solveM(model, data, self._found, self._right)
         return float(self._found[0, self._dof])
 
     def _rigidity(self, damping: float, mobility: float) -> float:
@@ -170,14 +173,20 @@ class ElasticGear:
 
     def _link(self, model: mujoco.MjModel, data: mujoco.MjData, rotor: _Rotor) -> _Link:
         """Return the link without the share of the rotor that stays at it."""
-        mobility, velocity = self._mobility(model, data), float(data.qvel[self._dof])
-        exerted = rotor.bias - rotor.damping * velocity
+        step, dof, velocity = self._step, self._dof, float(data.qvel[self._dof])
+        self._right[1] = data.qfrc_constraint
+        mujoco.mj_solveM(model, data, self._found, self._right)
+        mobility, stopped = self._found[:, dof].tolist()
+        damping = float(model.dof_damping[dof].flat[0])
+        exerted = rotor.bias - (rotor.damping + damping) * velocity
         carried = self._carried * (velocity - rotor.expected)
         rotor.velocity += carried
-        rotor.position += self._step * carried
-        rest = (velocity - rotor.link_velocity) / self._step - mobility * exerted
+        rotor.position += step * carried
+        rest = (velocity - rotor.link_velocity) / step - mobility * exerted - stopped
         alone = max(LEAST, 1.0 - self._stays * mobility)
-        return _Link(float(data.qpos[self._position]), velocity, mobility / alone, rest / alone)
+        damped = 1.0 / (1.0 + step * damping * mobility / alone)
+        free = (damped * (velocity + step * rest / alone) - velocity) / step
+        return _Link(float(data.qpos[self._position]), velocity, damped * mobility / alone, free)
 
     def _advance(self, rotor: _Rotor, law: _Law, link: _Link) -> None:
         force = law.force - law.stiffness * rotor.position - law.damping * rotor.velocity

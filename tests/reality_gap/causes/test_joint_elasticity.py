@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from reality_gap.causes.support.elastic_gear import ElasticGear
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.types import Floats
@@ -152,3 +154,53 @@ def test_a_stiff_gear_at_coarse_steps_is_a_rigid_one(
 
     assert before > 30.0
     assert after == pytest.approx(before, rel=1e-3)
+
+
+CHAIN = """<mujoco><option timestep="{step}" integrator="{integrator}"/><default>
+<joint axis="0 1 0" armature="{rotor}" damping="{damping}" frictionloss="0.5"/></default>
+<worldbody><body><joint name="a"/><geom type="capsule" size=".03" fromto="0 0 0 .4 0 0" mass="1"/>
+<body pos=".4 0 0"><joint name="b"/><geom type="capsule" size=".02" mass=".1"
+fromto="0 0 0 .1 0 0"/>
+</body></body></worldbody><actuator><position name="a" joint="a" kp="{kp}" kv="{kd}"/>
+<position name="b" joint="b" kp="{kp}" kv="{kd}"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("joint", ["a", "b"])
+@pytest.mark.parametrize(
+    ("integrator", "step", "rotor", "damping", "kp", "kd", "compliance"),
+    [
+        ("implicitfast", 3.3e-4, 8.4, 6.1, 240.0, 5.3, 1.3e-4),
+        ("implicitfast", 5e-3, 0.023, 13.0, 65.0, 6.1, 7e-3),
+        ("implicit", 4.8e-3, 0.35, 16.0, 14.0, 0.28, 4e-4),
+        ("Euler", 2e-3, 0.01, 0.3, 100.0, 0.5, 1e-3),
+    ],
+)
+def test_light_links_with_much_friction_are_stable(
+    joint: str,
+    integrator: str,
+    step: float,
+    rotor: float,
+    damping: float,
+    kp: float,
+    kd: float,
+    compliance: float,
+) -> None:
+    text = CHAIN.format(
+        step=step, integrator=integrator, rotor=rotor, damping=damping, kp=kp, kd=kd
+    )
+    largest = []
+    for gears in ([], [joint]):
+        model = mujoco.MjModel.from_xml_string(text)
+        data, top = mujoco.MjData(model), 0.0
+        hooks = [ElasticGear(model, name, name, compliance, 1.0) for name in gears]
+        for time in step * np.arange(int(2.0 / step)):
+            data.ctrl[:] = 0.5 * np.sin(4.0 * time), 0.3 * np.sign(np.sin(9.0 * time))
+            for hook in hooks:
+                hook(model, data)
+            mujoco.mj_step(model, data)
+            top = max(top, float(np.abs(data.qpos).max()))
+        assert not data.warning.number.any()
+        largest.append(top)
+
+    rigid, elastic = largest
+    assert elastic < 2.0 * rigid
