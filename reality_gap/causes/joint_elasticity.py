@@ -29,9 +29,24 @@ def _locations(system: System) -> tuple[Location, ...]:
     return tuple(
         Location("joint", (name,))
         for name in system.joints
-        if len(joint_motors.motors_of(system, name)) == 1
+        if _has_one_motor(system, name)
         and encoders.is_used(*encoders.encoders(system, Location("joint", (name,))))
     )
+
+
+def _has_one_motor(system: System, joint: str) -> bool:
+    """Return whether one motor moves a joint, and does not push it away from its command."""
+    motors = [system.model.actuator(name) for name in joint_motors.motors_of(system, joint)]
+    if len(motors) != 1 or not motors[0].gear[0]:
+        return False
+    return not joint_motors.is_servo(system.model, motors[0].id) or motors[0].biasprm[1] < 0.0
+
+
+def _has_rotor(model: mujoco.MjModel, joint: str, motor: str) -> bool:
+    """Return whether a motor has an inertia or a damping that an elastic gear moves."""
+    i, dof = int(model.actuator(motor).id), int(model.joint(joint).dofadr[0])
+    own = (model.dof_armature[dof], model.actuator_armature[i], model.actuator_damping[i].any())
+    return any(bool(one) for one in own)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -87,7 +102,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         for sensor, ratio in forces:
             record.sensors[:, record.column(sensor)] += (motor - torque) / ratio
 
-    if softer != 1.0 or system.model.dof_armature[system.model.joint(joint).dofadr[0]]:
+    if softer != 1.0 or _has_rotor(system.model, joint, name):
         effects.add_hook(make)
     effects.readings.append(read)
 

@@ -150,7 +150,8 @@ def commanded(model: mujoco.MjModel) -> tuple[int, ...]:
 def command_limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
     """Return the least and the largest command that acts; infinite ones without limits or input."""
     i = int(model.actuator_ctrladr[actuator])  # MuJoCo has them by input, which not all have
-    if not model.actuator_ctrlnum[actuator] or not model.actuator_ctrllimited[i]:
+    free = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    if free or not model.actuator_ctrlnum[actuator] or not model.actuator_ctrllimited[i]:
         return -math.inf, math.inf
     low, high = model.actuator_ctrlrange[i]
     return float(low), float(high)

@@ -62,7 +62,8 @@ def build(
         step: physics step [s].
     """
     plant = assemble(stranger, mismatch, step)
-    for effect in effects:
+    # An elastic gear moves the rotor, and what other effects made of it.
+    for effect in sorted(effects, key=lambda one: one.id == "joint_elasticity"):
         if effect.amplitude != 0.0:
             mechanism_of(effect).tune(plant, effect)
     mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))

@@ -90,14 +90,23 @@ class ElasticGear:
         self._dof = int(model.joint(joint).dofadr[0])
         self._drive, self._compliance, self._softer = Drive(model, i), compliance, softer
         self._step, self._gear = float(model.opt.timestep), float(model.actuator_gear[i, 0])
-        limits = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else None
-        ends = (-math.inf, math.inf) if limits is None else self._gear * limits
-        self._low, self._high = float(min(ends)), float(max(ends))
+        self._joint = int(model.joint(joint).id)
+        self._low, self._high = self._limits(model)
         self._right, self._found = np.zeros((2, 2, model.nv))
         self._right[0, self._dof] = 1.0
         self._bias = self._written = float(model.actuator_biasprm[i, 0])
         self._rotor: _Rotor | None = None
         self._history: list[tuple[float, float]] = []
+
+    def _limits(self, model: mujoco.MjModel) -> tuple[float, float]:
+        """Return the smaller of the limits of the actuator and of its joint."""
+        i, joint, low, high = self._index, self._joint, -math.inf, math.inf
+        if model.actuator_forcelimited[i]:
+            low, high = sorted((self._gear * model.actuator_forcerange[i]).tolist())
+        if model.jnt_actfrclimited[joint]:
+            own = model.jnt_actfrcrange[joint].tolist()
+            low, high = max(low, own[0]), min(high, own[1])
+        return low, high
 
     def exerted(self, count: int) -> tuple[Floats, Floats]:
         """Return the torques of motor and spring in the last steps, (count,) each [N m or N]."""
@@ -126,11 +135,14 @@ class ElasticGear:
         bias = [float(x) if affine else 0.0 for x in model.actuator_biasprm[i, :3]]
         self._gain, self._bias = float(model.actuator_gainprm[i, 0]), bias[0]
         self._stiffness, self._damping = (-self._softer * gear**2 * x for x in bias[1:])
+        self._damping += gear**2 * float(model.actuator_damping[i].flat[0])
         self._inertia = self._softer**2 * float(model.dof_armature[self._dof])
+        self._inertia += gear**2 * float(model.actuator_armature[i])
         model.actuator_biastype[i] = int(mujoco.mjtBias.mjBIAS_AFFINE)
         model.actuator_gainprm[i, 0] = model.actuator_biasprm[i, 1] = 0.0
         model.actuator_biasprm[i, 0] = self._written = self._bias
-        model.actuator_forcelimited[i] = 0
+        model.actuator_forcelimited[i] = model.jnt_actfrclimited[self._joint] = 0
+        model.actuator_damping[i] = model.actuator_armature[i] = 0.0
         self._leave(LEAST * self._inertia, model, data)
         rigid = self._rigidity(self._damping, self._mobility(model, data))
         is_implicit = int(model.opt.integrator) in IMPLICIT

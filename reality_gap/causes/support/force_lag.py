@@ -16,7 +16,8 @@ from reality_gap.causes.support.actuators import Drive
 class ForceLag:
     """Hook that filters the forces of actuators, from the first step on.
 
-    It computes with floats, which is faster than with short arrays.
+    It computes with floats, which is faster than with short arrays. A motor that also has an
+    elastic gear has no lag.
     """
 
     def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], time_constant: float) -> None:
@@ -29,6 +30,8 @@ class ForceLag:
         lengths, velocities = data.actuator_length, data.actuator_velocity
         for motor in self._motors:
             i, velocity = motor.index, velocities[motor.index]
+            if motor.gain and not model.actuator_gainprm[i, 0]:
+                continue  # an elastic gear has taken the motor over
             plain = bias[i, 0] - motor.added
             wanted = motor.gain * motor.drive(model, data) + motor.feeds * (
                 plain + bias[i, 1] * (lengths[i] + step * velocity) + bias[i, 2] * velocity

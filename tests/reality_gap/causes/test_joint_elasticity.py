@@ -204,3 +204,42 @@ def test_light_links_with_much_friction_are_stable(
 
     rigid, elastic = largest
     assert elastic < 2.0 * rigid
+
+
+GEARED = """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody><body>
+<joint name="j" axis="0 1 0" damping="0.1" {joint}/>
+<geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/></body></worldbody>
+<actuator><position name="m" joint="j" gear="-2" kp="12" {servo}/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (("armature='0.08'", "kv='1'"), ("", "kv='1' armature='0.02'")),
+        (("armature='0.08'", "kv='1'"), ("armature='0.08'", "damping='1'")),
+        (
+            ("armature='0.08'", "kv='1' forcerange='-1 1.5'"),
+            ("armature='0.08' actuatorfrcrange='-3 2'", "kv='1'"),
+        ),
+    ],
+    ids=["armature", "damping", "limits"],
+)
+@pytest.mark.parametrize("compliance", [1e-6, 0.02])
+def test_it_matters_not_where_a_model_has_the_numbers_of_a_motor(
+    compliance: float, one: tuple[str, str], other: tuple[str, str]
+) -> None:
+    found = []
+    for joint, servo in (one, other):
+        model = mujoco.MjModel.from_xml_string(GEARED.format(joint=joint, servo=servo))
+        data, moved = mujoco.MjData(model), []
+        gear = ElasticGear(model, "m", "j", compliance, 1.0)
+        for time in 0.002 * np.arange(1000):
+            data.ctrl[0] = np.sin(5.0 * time)
+            gear(model, data)
+            mujoco.mj_step(model, data)
+            moved.append(float(data.qpos[0]))
+        found.append((np.array(moved), *gear.exerted(1000)))
+
+    for first, second in zip(*found, strict=True):
+        assert np.ptp(first) > 0.1
+        np.testing.assert_allclose(first, second, atol=1e-3 * np.ptp(first))
