@@ -84,11 +84,8 @@ def cost_of_same(stranger: Stranger, effect: Effect) -> float:
     name, field = _RELATIVE[effect.id]
     if field:
         [element] = effect.elements
-        index = (
-            int(model.joint(element).dofadr[0])
-            if field.startswith("dof")
-            else int(model.body(element).id)
-        )
+        of_body = field.startswith("body")
+        index = model.body(element).id if of_body else model.joint(element).dofadr[0]
         size /= float(getattr(model, field)[index])
     return float((size / (SPREAD * getattr(widths, name))) ** 2)
 

@@ -3,9 +3,10 @@
 The encoder is on the motor, as in most servos and in arms with harmonic drives, and so is the
 armature of the joint, the inertia of the rotor. Source of the model: M. W. Spong, "Modeling and
 Control of Elastic Joint Robots", J. Dyn. Sys., Meas., Control 109 (1987). A replay solves it
-(`support/elastic_gear.py`). What the extended model has of it is the softer servo, which is right
-at rest: at the torque ``T`` the motor is ahead of the link by ``c T`` with the compliance ``c``, so
-that ``T = kp (u - q - c T)`` is ``s kp (u - q)`` with ``s = 1 / (1 + kp c)``.
+(`support/elastic_gear.py`). The extended model has a softer servo instead, which is right at rest:
+at the torque ``T`` the motor is ahead of the link by ``c T`` with the compliance ``c``, so that ``T
+= kp (u - q - c T)`` is ``s kp (u - q)`` with ``s = 1 / (1 + kp c)``. The rotor then turns by the
+share ``s`` of the link's motion, so that its inertia there is multiplied by ``s^2``.
 """
 
 from __future__ import annotations
@@ -94,11 +95,10 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         i, hook = record.model.actuator(name).id, gears.pop(id(record.model), None)
         torque = record.model.actuator_gear[i, 0] * record.force[:, i]
         motor, spring = (torque, torque) if hook is None else hook.exerted(len(torque))
-        encoders.add_to_reading(record, encoder, compliance * spring)
+        ahead = compliance * spring
+        encoders.add_to_reading(record, encoder, ahead)
         for sensor in speeds:
-            record.sensors[:, record.column(sensor)] += np.gradient(
-                compliance * spring, record.time
-            )
+            record.sensors[:, record.column(sensor)] += np.gradient(ahead, record.time)
         for sensor, ratio in forces:
             record.sensors[:, record.column(sensor)] += (motor - torque) / ratio
 

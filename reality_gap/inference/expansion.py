@@ -89,6 +89,12 @@ def is_small(replayer: Replayer, columns: Floats, residual: Floats) -> bool:
     return _Whitened(replayer).explained(columns, residual) < SMALL
 
 
+def is_noise(replayer: Replayer, power: float) -> bool:
+    """Return whether a mean square of a whitened residual is that of noise."""
+    count = np.count_nonzero(split(replayer.measured) <= SELECT)
+    return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
+
+
 def expand(
     replayer: Replayer,
     tolerances: Sequence[Tolerance],
@@ -125,12 +131,6 @@ def expand(
         found = here if here.power < found.power or is_noise(replayer, here.power) else found
     gain = 0.5 * whole.count * (plain.power - found.power)
     return found if gain > LEAST else plain
-
-
-def is_noise(replayer: Replayer, power: float) -> bool:
-    """Return whether a mean square of a whitened residual is that of noise."""
-    count = np.count_nonzero(split(replayer.measured) <= SELECT)
-    return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
 
 
 class _Walk:

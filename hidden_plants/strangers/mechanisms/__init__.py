@@ -62,7 +62,7 @@ def build(
         step: physics step [s].
     """
     plant = assemble(stranger, mismatch, step)
-    # An elastic gear moves the rotor, and what other effects made of it.
+    # An elastic gear takes the rotor's inertia out of the model, with that of other effects.
     for effect in sorted(effects, key=lambda one: one.id == "joint_elasticity"):
         if effect.amplitude != 0.0:
             mechanism_of(effect).tune(plant, effect)

@@ -105,7 +105,9 @@ class RotorBehindSpring:
     step before. The joint's own inertia is ``link`` there.
     """
 
-    def __init__(self, index: int, compliance: float, rotor: float, link: float, rate: float):
+    def __init__(
+        self, index: int, compliance: float, rotor: float, link: float, rate: float
+    ) -> None:
         self.index, self.compliance, self.rate = index, compliance, rate
         self.rotor, self.link = rotor, link
         self.vibrates = ((1.0 / rotor + 1.0 / link) / compliance) ** 0.5

@@ -185,3 +185,18 @@ def test_a_limit_of_speed_is_below_the_planned_speed() -> None:
         slowness = true_size(machine, one.at(one.least))
         assert slowness is not None
         assert slowness * one.shape["speed"] > 1.2
+
+
+def test_an_elastic_gear_is_behind_what_other_effects_make_of_the_rotor() -> None:
+    machine = stranger(6)
+    assert machine.traits.kind == "servos"
+    joint, rotor = machine.joints[-1], float(machine.design.armature[-1])
+    soft = 0.05 * float(machine.travel[-1] / machine.design.peak[-1])
+    gear = Effect("joint_elasticity", (joint,), {"size": soft}, soft)
+    heavy = Effect("armature", (joint,), {"size": rotor}, rotor)
+    alone, first, last = (
+        readings(machine, effects) for effects in ((gear,), (gear, heavy), (heavy, gear))
+    )
+
+    np.testing.assert_array_equal(first, last)
+    assert np.abs(first - alone).max() > 1.0

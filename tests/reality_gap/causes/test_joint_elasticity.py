@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from reality_gap.causes.joint_elasticity import CAUSE
 from reality_gap.causes.support.elastic_gear import ElasticGear
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 from tests.reality_gap.causes.candidates import candidate
 
@@ -243,3 +245,51 @@ def test_it_matters_not_where_a_model_has_the_numbers_of_a_motor(
     for first, second in zip(*found, strict=True):
         assert np.ptp(first) > 0.1
         np.testing.assert_allclose(first, second, atol=1e-3 * np.ptp(first))
+
+
+@pytest.mark.parametrize(
+    ("joint", "servo", "least", "most"),
+    [
+        ("actuatorfrcrange='-3 2'", "", -3.0, 2.0),
+        ("", "forcerange='-1 1.5'", -3.0, 2.0),
+        ("actuatorfrcrange='-2.5 9'", "forcerange='-1 1.5'", -2.5, 2.0),
+    ],
+    ids=["joint", "actuator", "both"],
+)
+def test_a_motor_behind_a_spring_exerts_no_more_than_its_limits(
+    joint: str, servo: str, least: float, most: float
+) -> None:
+    """The gear of -2 turns the limits of the actuator around."""
+    text = GEARED.format(joint=f"armature='0.08' {joint}", servo=f"kv='1' {servo}")
+    model = mujoco.MjModel.from_xml_string(text)
+    data, gear = mujoco.MjData(model), ElasticGear(model, "m", "j", 0.02, 1.0)
+    for time in 0.002 * np.arange(1000):
+        data.ctrl[0] = 3.0 * np.sin(5.0 * time)
+        gear(model, data)
+        mujoco.mj_step(model, data)
+    motor, _ = gear.exerted(1000)
+
+    assert motor.min() == least
+    assert motor.max() == most
+
+
+@pytest.mark.parametrize(
+    ("actuator", "count"),
+    [
+        ("<position name='m' joint='j' kp='12'/>", 1),
+        ("<motor name='m' joint='j' gear='0'/>", 0),
+        ("<general name='m' joint='j' gainprm='-3' biastype='affine' biasprm='0 3 0'/>", 0),
+    ],
+    ids=["servo", "no gear", "positive feedback"],
+)
+def test_a_motor_that_holds_nothing_has_no_elastic_gear(
+    tmp_path: Path, actuator: str, count: int
+) -> None:
+    text = SERVO.format(inertia=0.1, kp=1.0, kd=0.1, armature=0.1)
+    begin, end = text.index("<position"), text.index("</actuator>")
+    path = tmp_path / "model.xml"
+    path.write_text(text[:begin] + actuator + text[end:])
+    channels = (Channel("angle", "angle", unit="rad", noise=1e-3),)
+    readings = (Reading(TIME, 0.0 * TIME),)
+    study = Study("gear", path, channels, (Episode("log", TIME, commands()[:, None], readings),))
+    assert len(CAUSE.locations(compile_system(study))) == count

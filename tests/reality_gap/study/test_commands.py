@@ -122,3 +122,5 @@ def test_limits_of_commands_are_those_of_the_actuator() -> None:
     }
     none = (-np.inf, np.inf)
     assert found == {"brake": none, "limited": (-2.0, 3.0), "other": none, "free": none}
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    assert command_limits(model, model.actuator("limited").id) == none
