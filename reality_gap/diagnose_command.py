@@ -53,6 +53,8 @@ class Thresholds:
     """Factor of the tolerances above which they do not excuse what is left."""
     deviation: float = 20.0
     """Deviation of a parameter above which it does not excuse what is left [tolerances]."""
+    likely: float = 0.5
+    """Probability that a cause needs to be named, with all that predict the same."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
     of_step: float = 3.0
@@ -110,6 +112,8 @@ def options_of(command: Diagnose) -> Options:
         if not 0 <= value < math.inf or (name in ("refits", "more_refits") and value < 1):
             least = "at least 1" if name in ("refits", "more_refits") else "at least 0 and finite"
             raise StudyError(f"--thresholds.{name.replace('_', '-')} must be {least}, not {value}")
+    if given["likely"] > 1.0:
+        raise StudyError(f"--thresholds.likely must be from 0 to 1, not {given['likely']}")
     if command.depth < 1:
         raise StudyError(f"--depth must be at least 1, not {command.depth}")
     searching = {field.name for field in fields(Settings)} - {"most"}

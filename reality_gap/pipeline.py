@@ -40,6 +40,7 @@ from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.rough_search import search_roughly
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
 from reality_gap.inference.search_outcome import search_outcome
+from reality_gap.inference.support import keep_supported
 from reality_gap.inference.tolerances import (
     Tolerance,
     list_tolerances,
@@ -206,7 +207,8 @@ class _Run:
         if groups is not None and rest > max(options.large**2, groups.power / BETTER):
             return groups_outcome(replayer, null, groups, options.left)
         self.progress(0.92, "comparing alternatives and choosing the next experiment")
-        outcome = search_outcome(paying, remainder, screened.not_judged, options)
+        supported = keep_supported(paying, remainder, options)
+        outcome = search_outcome(supported, screened.not_judged, options)
         if outcome.verdict is Verdict.NOTHING_WRONG:
             tolerances = list_tolerances(screened.sensitivities, options.tolerance)
             outcome = replace(outcome, branches=(tolerance_branch(list(tolerances)),))

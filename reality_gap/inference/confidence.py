@@ -78,6 +78,19 @@ def doubt_beside_unknown(gained: Floats, left: Floats) -> float:
     return MIMICRY * float(gained @ (excess / np.maximum(excess + gained, 1e-12))) / total
 
 
+def doubt_of_form(excess: float) -> float:
+    """Return the probability that a cause is wrong because of how much all causes leave.
+
+    A cause that is nearly right, such as a limit of the speed in place of a torque that falls with
+    it, takes nearly all of a large error and leaves what its form lacks. Whatever the share is, the
+    more noises that is, the likelier are such causes.
+
+    Args:
+        excess: RMS that the causes leave, relative to the largest that is no objection.
+    """
+    return MIMICRY * (1.0 - excess**-2.0) if excess > 1.0 else 0.0
+
+
 def tempered(evidence: Floats, temper: float) -> Floats:
     """Return probabilities from evidence, shape (k,).
 

@@ -32,7 +32,8 @@ class Alternatives:
         confidence: probability of each of ``tried``, shape (k,).
         evidence: what each of ``tried`` adds to the evidence of ``without``, shape (k,) [nats].
         own: what the cause itself adds [nats].
-        equivalent: candidates that predict the same to within the noise and are not unlikely.
+        alike: which of ``tried`` predict the same as the best hypothesis to within the noise.
+        equivalent: candidates that do and are not unlikely.
     """
 
     candidate: Candidate
@@ -41,7 +42,30 @@ class Alternatives:
     confidence: Floats
     evidence: Floats
     own: float
+    alike: tuple[bool, ...]
     equivalent: tuple[Candidate, ...]
+
+    @property
+    def right(self) -> float:
+        """Probability of the cause, wherever it acts."""
+        return self._chance(self._same())
+
+    @property
+    def support(self) -> float:
+        """Probability of the cause, wherever it acts, and of all that predict the same."""
+        return self._chance([a or b for a, b in zip(self._same(), self.alike, strict=True)])
+
+    def _same(self) -> list[bool]:
+        """Return which of ``tried`` have this cause."""
+        # The best hypothesis keeps the order of its causes; other fits have the new one last.
+        return [
+            fitted.candidates[-1].cause.id == self.candidate.cause.id
+            or any(candidate.matches(self.candidate) for candidate in fitted.candidates)
+            for fitted in self.tried
+        ]
+
+    def _chance(self, chosen: Sequence[bool]) -> float:
+        return float(self.confidence[np.array(chosen)].sum())
 
 
 def alternatives(
@@ -72,7 +96,7 @@ def alternatives(
             without, tried = null_fit(problem), ()
         fits = _with_best(problem, tried, best, [candidate, *refused])
         floor = rescore(problem, without).evidence
-        chances = probabilities(floor, fits)
+        chances, alike = probabilities(floor, fits), _alike(best, fits)
         found.append(
             Alternatives(
                 candidate=candidate,
@@ -81,7 +105,8 @@ def alternatives(
                 confidence=chances,
                 evidence=np.array([f.evidence for f in fits]) - floor,
                 own=rescore(problem, best).evidence - floor,
-                equivalent=_equivalent(best, fits, chances),
+                alike=alike,
+                equivalent=_equivalent(best, fits, chances, alike),
             )
         )
     return tuple(found)
@@ -97,8 +122,8 @@ def first_attempt(result: Search) -> tuple[Alternatives, ...]:
     evidence = np.array([f.evidence for f in tried])
     first = tried[0].candidates[-1]
     confidence = probabilities(0.0, tried)
-    own = float(evidence[0])
-    return (Alternatives(first, null_fit(problem), tried, confidence, evidence, own, ()),)
+    own, alike = float(evidence[0]), _alike(tried[0], tried)
+    return (Alternatives(first, null_fit(problem), tried, confidence, evidence, own, alike, ()),)
 
 
 def _with_best(
@@ -120,12 +145,17 @@ def _with_best(
     return tuple(sorted([rescore(problem, best), *others], key=lambda f: -f.evidence))
 
 
-def _equivalent(best: Fit, fits: Sequence[Fit], chances: Floats) -> tuple[Candidate, ...]:
-    """Return the last candidates of fits that predict the same as the best hypothesis."""
-    found = []
-    for other, chance in zip(fits, chances, strict=True):
-        if other.hypothesis is best.hypothesis or chance < CHANCE:
-            continue
-        if float(np.mean((other.residual - best.residual) ** 2)) < NEAR:
-            found.append(other.candidates[-1])
-    return tuple(found)
+def _alike(best: Fit, fits: Sequence[Fit]) -> tuple[bool, ...]:
+    """Return which fits predict the same as the best hypothesis to within the noise."""
+    return tuple(float(np.mean((fit.residual - best.residual) ** 2)) < NEAR for fit in fits)
+
+
+def _equivalent(
+    best: Fit, fits: Sequence[Fit], chances: Floats, alike: Sequence[bool]
+) -> tuple[Candidate, ...]:
+    """Return the last candidates of other fits that are alike and not unlikely."""
+    return tuple(
+        other.candidates[-1]
+        for other, chance, same in zip(fits, chances, alike, strict=True)
+        if same and chance >= CHANCE and other.hypothesis is not best.hypothesis
+    )

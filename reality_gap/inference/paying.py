@@ -30,6 +30,7 @@ NEAR = 0.01
 """Distance of a parameter from its bound, relative to that of the bound from the null value, below
 which the parameter counts as at its bound."""
 AT_BOUND = "has a parameter at its bound"
+UNLIKELY = "is less likely than all others together"
 NO_GAIN = "does not surely predict better the readings that were not used to find it"
 
 
@@ -114,18 +115,46 @@ def keep_paying(result: Search) -> Paying:
     Args:
         result: a search.
     """
-    attempt, attempted = result.best, held_out_test(result)
-    tested, dropped = attempted, list[Dropped]()
-    while not result.best.is_null:
-        worst = _worst(result, tested)
+    tested = held_out_test(result)
+    return _keep_paying(Paying(result, tested, result.best, tested))
+
+
+def without_cause(paying: Paying, i: int, reason: str) -> Paying:
+    """Drop a cause that pays, and those that do not pay without it.
+
+    None takes its place, for all others are less likely.
+
+    Args:
+        paying: causes that pay.
+        i: index of the cause.
+        reason: why it is dropped, as the end of a sentence.
+    """
+    left = paying.tested.without[i]
+    problem = paying.result.problem.reinflated(left.residual)
+    result = replace(paying.result, problem=problem, best=rescore(problem, left))
+    return _keep_paying(_with_dropped(paying, i, reason, result))
+
+
+def _keep_paying(paying: Paying) -> Paying:
+    """Drop causes until all others pay."""
+    while not paying.result.best.is_null:
+        worst = _worst(paying.result, paying.tested)
         if worst is None:
             break
         i, reason = worst
-        candidate, values = result.best.hypothesis[i]
-        dropped.append(Dropped(candidate, dict(values), tested.each[i], reason))
-        result = _reduced(result, tested.without[i], [one.candidate for one in dropped])
-        tested = held_out_test(result)
-    return Paying(result, tested, attempt, attempted, tuple(dropped))
+        dropped = [one.candidate for one in paying.dropped]
+        dropped.append(paying.result.best.candidates[i])
+        result = _reduced(paying.result, paying.tested.without[i], dropped)
+        paying = _with_dropped(paying, i, reason, result)
+    return paying
+
+
+def _with_dropped(paying: Paying, i: int, reason: str, result: Search) -> Paying:
+    """Return the causes that ``result`` has in place of those with cause ``i``, with their test."""
+    candidate, values = paying.result.best.hypothesis[i]
+    dropped = Dropped(candidate, dict(values), paying.tested.each[i], reason)
+    tested = held_out_test(result)
+    return replace(paying, result=result, tested=tested, dropped=(*paying.dropped, dropped))
 
 
 def held_out_test(result: Search) -> Tested:

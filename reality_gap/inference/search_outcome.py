@@ -16,8 +16,13 @@ from reality_gap.diagnosis import (
     Share,
     Verdict,
 )
-from reality_gap.inference.confidence import doubt_beside_unknown, doubt_of_partial, unmodelled
-from reality_gap.inference.equivalence import Alternatives, alternatives, first_attempt
+from reality_gap.inference.confidence import (
+    doubt_beside_unknown,
+    doubt_of_form,
+    doubt_of_partial,
+    unmodelled,
+)
+from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.held_out import Score, score, selection_score
@@ -29,6 +34,7 @@ from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
 from reality_gap.inference.posteriors import search_branches
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder, channel_powers
+from reality_gap.inference.support import Supported
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
@@ -36,21 +42,18 @@ from reality_gap.types import Floats
 
 
 def search_outcome(
-    paying: Paying,
-    remainder: Remainder,
-    not_judged: tuple[tuple[str, str], ...],
-    options: Options,
+    supported: Supported, not_judged: tuple[tuple[str, str], ...], options: Options
 ) -> Outcome:
     """Decide on the verdict of a search, and collect what supports it.
 
     Causes that are not named are not built into a model.
 
     Args:
-        paying: the causes that were found and pay.
-        remainder: what they leave.
+        supported: the causes that are named, unless what they leave refutes them.
         not_judged: ids of causes that were not judged, each with the reason.
         options: thresholds.
     """
+    paying, remainder, found, support = supported
     judged = judge(paying, remainder, options)
     verdict = decide(paying, judged)
     named = verdict.has_names
@@ -61,8 +64,9 @@ def search_outcome(
     after = replayer.without_expansion(best.hypothesis, best.residual)
     tried = score(study, measured, null, after)
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
-    found = _alternatives(paying, result, verdict, options)
-    doubts = _doubts(paying, doubt or 0.0, verdict, len(found))
+    doubts = [doubt or 0.0] * len(found)
+    if verdict is Verdict.PARTLY_NAMED:
+        doubts = _doubts_of_partial(paying, doubt or 0.0, judged)
     fitted = tuple(
         replace(one, confidence=(1.0 - d) * one.confidence)
         for one, d in zip(found, doubts, strict=True)
@@ -89,22 +93,11 @@ def search_outcome(
         next_experiment=_advice(result, fitted, doubt or 0.0)
         if named and options.suggest
         else None,
-        criteria=(*_search_criteria(result), *held_out_criteria(paying), *judged),
+        criteria=(*_search_criteria(result), *held_out_criteria(paying), *support, *judged),
         waterfall=steps,
         rejected=_rejected(paying, judged, named),
         branches=search_branches(problem, best, found) if named else (),
     )
-
-
-def _alternatives(
-    paying: Paying, result: Search, verdict: Verdict, options: Options
-) -> tuple[Alternatives, ...]:
-    """Return what was tried in the place of each cause, or first if there is none."""
-    if result.best.is_null and verdict is Verdict.UNEXPLAINED:
-        return first_attempt(result)
-    named = verdict.has_names
-    refused = [one.candidate for one in paying.dropped] if named else []
-    return alternatives(result, options.search, named, refused)
 
 
 def _waterfall(paying: Paying, causes: Sequence[NamedCause], scored: Score) -> tuple[Share, ...]:
@@ -142,13 +135,13 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
     return unmodelled(named, instead)
 
 
-def _doubts(paying: Paying, doubt: float, verdict: Verdict, count: int) -> list[float]:
-    """Return the probability of each cause that unknown causes have its effect."""
-    if verdict is not Verdict.PARTLY_NAMED:
-        return [doubt] * count
+def _doubts_of_partial(paying: Paying, doubt: float, judged: Sequence[Criterion]) -> list[float]:
+    """Return the probability of each cause that it is wrong because of what all of them leave."""
+    noises = next(one for one in judged if one.name == "report_noises")
+    least = max(doubt, doubt_of_form(noises.value / noises.threshold))
     residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
     left, *without = channel_powers(paying.result.problem, *residuals)
-    return [max(doubt, doubt_beside_unknown(more - left, left)) for more in without]
+    return [max(least, doubt_beside_unknown(more - left, left)) for more in without]
 
 
 def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:
@@ -162,20 +155,13 @@ def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[Named
     named = list[tuple[float, NamedCause]]()
     parts = zip(fitted, estimates, paying.tested.each, logs, strict=True)
     for one, parameters, gains, compared in parts:
-        # The best hypothesis keeps the order of its causes; other fits have the new one last.
-        right = [
-            fit.candidates[-1].cause.id == one.candidate.cause.id
-            or any(candidate.matches(one.candidate) for candidate in fit.candidates)
-            for fit in one.tried
-        ]
-        confidence = float(one.confidence[np.array(right)].sum())
         name = one.candidate.cause.id
         ids = dict.fromkeys(s.cause.id for s in one.equivalent if s.cause.id != name)
         others = dict.fromkeys(s.location for s in one.equivalent if s.cause.id == name)
         cause = NamedCause(
             candidate=one.candidate,
             parameters=parameters,
-            confidence=confidence,
+            confidence=one.right,
             equivalent=tuple(ids),
             elsewhere=tuple(others),
             gain=gains.folds,

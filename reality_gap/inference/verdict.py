@@ -17,7 +17,7 @@ import numpy as np
 from reality_gap.diagnosis import Criterion, Verdict
 from reality_gap.inference.end_stops import MORE
 from reality_gap.inference.forward_selection import Search, Settings, revise
-from reality_gap.inference.paying import Paying, keep_paying
+from reality_gap.inference.paying import UNLIKELY, Paying, keep_paying
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
 
 REFUTING = ("learned_instead", "report_rms", "learned_of_event")
@@ -34,6 +34,7 @@ FOLLOWS = "leaves errors that follow the motion"
 ABOVE = "leaves errors above the noise"
 ROUGH = "leaves errors that only deviations of many times the tolerances explain"
 TOGETHER = "predicts held-out readings better, but none of its causes does by itself"
+OTHERS = "predicts held-out readings better, but so do other causes"
 NO_CAUSE = "explains too little of errors that follow the motion"
 
 
@@ -59,6 +60,7 @@ class Options:
         form: relative error of what tolerances explain, because large deviations are not linear.
         of_step: largest error of the time step that excuses what is left [noise].
         deviation: largest deviation of a parameter that excuses what is left [tolerances].
+        likely: probability that a cause needs to be named, with all that predict the same.
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
             [noise].
@@ -83,6 +85,7 @@ class Options:
     form: float = 0.03
     of_step: float = 3.0
     deviation: float = 20.0
+    likely: float = 0.5
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True
@@ -110,13 +113,26 @@ def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remai
     refuted = is_refuted(result.best.evidence, remainder, options)
     paying = keep_paying(result if refuted else revise(result, options.search))
     last = paying.attempt if paying.result.best.is_null else paying.result.best
-    if last.hypothesis != result.best.hypothesis:
-        remainder = evaluate_remainder(paying.result.problem, last)
-    if paying.result.best.is_null and not paying.attempted.pays:
-        # An attempt that predicts worse than the model alone is no reason to doubt the model.
-        alone = evaluate_remainder(paying.result.problem, paying.result.best)
-        return paying, alone if alone.after < remainder.after else remainder
-    return paying, remainder
+    if last.hypothesis == result.best.hypothesis:
+        return paying, _or_that_of_the_model(paying, remainder)
+    return paying, evaluate(paying)
+
+
+def evaluate(paying: Paying) -> Remainder:
+    """Evaluate what causes that pay leave; what the best attempt leaves if none pays."""
+    last = paying.attempt if paying.result.best.is_null else paying.result.best
+    return _or_that_of_the_model(paying, evaluate_remainder(paying.result.problem, last))
+
+
+def _or_that_of_the_model(paying: Paying, remainder: Remainder) -> Remainder:
+    """Return the remainder of the model alone if no cause pays, and it is smaller.
+
+    An attempt that predicts worse than the model alone is no reason to doubt the model.
+    """
+    if not paying.result.best.is_null or paying.attempted.pays:
+        return remainder
+    alone = evaluate_remainder(paying.result.problem, paying.result.best)
+    return alone if alone.after < remainder.after else remainder
 
 
 def is_refuted(named: float, remainder: Remainder, options: Options) -> bool:
@@ -181,7 +197,9 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
             _at_most("learned_evidence", instead, most, NO_CAUSE),
         ]
         if paying.attempted.pays:
-            found.append(_at_most("noises_before", remainder.before, ABOUT * form, TOGETHER))
+            doubtful = any(one.reason == UNLIKELY for one in paying.dropped)
+            objection = OTHERS if doubtful else TOGETHER
+            found.append(_at_most("noises_before", remainder.before, ABOUT * form, objection))
         return (*_stop(paying), *found)
     named, learned = best.evidence, remainder.learned.evidence
     before, after = remainder.fits

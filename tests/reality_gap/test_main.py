@@ -183,6 +183,7 @@ def test_thresholds_catalogue_and_depth_are_options(
         (["--thresholds.left", "-1"], "--thresholds.left must be at least 0 and finite, not -1.0"),
         (["--time-limit", "0"], "--time-limit must be above 0, not 0.0"),
         (["--time-limit", "nan"], "--time-limit must be above 0, not nan"),
+        (["--thresholds.likely", "1.5"], "--thresholds.likely must be from 0 to 1, not 1.5"),
         (["--thresholds.more-refits", "0"], "--thresholds.more-refits must be at least 1, not 0"),
         (["--causes", "magic"], "unknown cause 'magic'; known: "),
         (["--causes", "slack", "--without", "slack"], "--without leaves out all causes"),

@@ -175,6 +175,7 @@ def alternatives(own: Fit, others: list[tuple[Fit, float]], index: int) -> Alter
         confidence=0.9 * np.array(chances),
         evidence=np.zeros(1 + len(others)),
         own=10.0,
+        alike=(True, *(chance > 0.05 for _, chance in others)),
         equivalent=tuple(fitted.candidates[-1] for fitted, chance in others if chance > 0.05),
     )
 

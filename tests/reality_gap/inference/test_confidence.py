@@ -9,6 +9,7 @@ import pytest
 
 from reality_gap.inference.confidence import MIMICRY, doubt_beside_unknown
 from reality_gap.inference.search_outcome import search_outcome
+from reality_gap.inference.support import keep_supported
 from reality_gap.inference.verdict import Options, revise_and_evaluate
 from tests.reality_gap.inference.imperfect_models import SHAPES, Case, crowd
 
@@ -41,8 +42,9 @@ def test_a_partial_cause_is_doubted_by_what_it_leaves(
     """No candidate has the second error, and nothing can be learned of it."""
     error = 3.0 * SHAPES[:, 0] + unknown * SHAPES[:, 4]
     result = Case(tmp_path, error, crowd(1)).search()
-    paying, remainder = revise_and_evaluate(result, Options())
+    options = Options(suggest=False)
+    supported = keep_supported(*revise_and_evaluate(result, options), options)
 
-    [cause] = search_outcome(paying, remainder, (), Options(suggest=False)).causes
+    [cause] = search_outcome(supported, (), options).causes
 
     assert most - 0.3 < cause.confidence <= most

@@ -62,7 +62,7 @@ def one_cause(problem: Problem, id: str, values: dict[str, float]) -> Alternativ
     slopes = np.zeros((len(problem.null_residual), len(values)))
     fitted = Fit(parts, problem.replayer.residual(parts), slopes, to_theta(parts), 6.0)
     without, evidence = null_fit(problem), np.array([6.0])
-    return Alternatives(candidate, without, (fitted,), np.array([0.6]), evidence, 6.0, ())
+    return Alternatives(candidate, without, (fitted,), np.array([0.6]), evidence, 6.0, (True,), ())
 
 
 def advised(

@@ -1,0 +1,82 @@
+"""Support: only causes that are likelier than not are named.
+
+A cause may pay on held-out data although several others, or errors that are learned from the
+motion, do so nearly as well. Causes that the data cannot tell from it are declared equivalent, and
+count with it. Where others predict something else, the likeliest one may still be wrong most of
+the time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from reality_gap.diagnosis import Criterion, Verdict
+from reality_gap.inference.confidence import unmodelled
+from reality_gap.inference.equivalence import Alternatives, alternatives, first_attempt
+from reality_gap.inference.paying import UNLIKELY, Paying, without_cause
+from reality_gap.inference.remainder import Remainder
+from reality_gap.inference.verdict import Options, decide, evaluate, judge
+
+
+class Supported(NamedTuple):
+    """Causes that pay and are likelier than not.
+
+    Attributes:
+        paying: the causes.
+        remainder: what they leave, or what the best attempt leaves if none is left.
+        alternatives: what was tried in the place of each, or first if there is none.
+        criteria: the probabilities that were compared.
+    """
+
+    paying: Paying
+    remainder: Remainder
+    alternatives: tuple[Alternatives, ...]
+    criteria: tuple[Criterion, ...]
+
+
+def keep_supported(paying: Paying, remainder: Remainder, options: Options) -> Supported:
+    """Drop the causes that are less likely than not, the least likely one first.
+
+    Args:
+        paying: the causes that pay.
+        remainder: what they leave.
+        options: thresholds.
+    """
+    criteria = list[Criterion]()
+    while decide(paying, judge(paying, remainder, options)).has_names:
+        refused = [one.candidate for one in paying.dropped if one.reason != UNLIKELY]
+        found = alternatives(paying.result, options.search, refused=refused)
+        modelled = _modelled(paying, remainder)
+        tested = [_criterion(one, modelled * one.support, options.likely) for one in found]
+        worst = int(np.argmin([one.value for one in tested]))
+        if tested[worst].met:
+            return Supported(paying, remainder, found, (*tested, *criteria))
+        criteria.append(tested[worst])
+        paying = without_cause(paying, worst, UNLIKELY)
+        remainder = evaluate(paying)
+    tried = _of_the_attempt(paying, remainder, options)
+    return Supported(paying, remainder, tried, tuple(criteria))
+
+
+def _modelled(paying: Paying, remainder: Remainder) -> float:
+    """Return the probability that no unknown cause has the whole effect of the causes."""
+    named = paying.result.best.evidence + remainder.learned.evidence
+    return 1.0 - unmodelled(named, remainder.instead.evidence)
+
+
+def _of_the_attempt(
+    paying: Paying, remainder: Remainder, options: Options
+) -> tuple[Alternatives, ...]:
+    """Return what was tried in the place of each cause of an attempt, or first if it has none."""
+    result = replace(paying.result, best=paying.attempt)
+    verdict = decide(paying, judge(paying, remainder, options))
+    if result.best.is_null and verdict is Verdict.UNEXPLAINED:
+        return first_attempt(result)
+    return alternatives(result, options.search, retry=False)
+
+
+def _criterion(one: Alternatives, support: float, likely: float) -> Criterion:
+    return Criterion(f"support: {one.candidate}", support, likely, support >= likely, UNLIKELY)

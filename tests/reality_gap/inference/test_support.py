@@ -1,0 +1,107 @@
+"""Causes that are less likely than not, on a machine at rest whose sensor has their errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.inference.learned_residual import Learned
+from reality_gap.inference.paying import UNLIKELY, keep_paying, without_cause
+from reality_gap.inference.search_outcome import search_outcome
+from reality_gap.inference.support import Supported, keep_supported
+from reality_gap.inference.verdict import Options, evaluate
+from reality_gap.simulation.hypothesis import Candidate
+from tests.reality_gap.inference.imperfect_models import SHAPES, Case, candidate, crowd, ids
+
+OPTIONS = Options(suggest=False)
+
+
+def supported(case: Case) -> Supported:
+    paying = keep_paying(case.search())
+    return keep_supported(paying, evaluate(paying), OPTIONS)
+
+
+def guesses(count: int) -> list[Candidate]:
+    """Return candidates that share an error, each with one of its own, all of the same size."""
+    return [candidate("abcd"[i], SHAPES[:, 0] + 1.5 * SHAPES[:, i + 1]) for i in range(count)]
+
+
+def tolerated(folder: Path, error: np.ndarray, chosen: list[Candidate]) -> Case:
+    """Return a case whose tolerances explain all errors but the first and the last."""
+    case = Case(folder, error, chosen)
+    case.problem = case.problem_with(10.0 * SHAPES[:, 1:5])
+    return case
+
+
+def test_one_guess_of_four_is_not_named(tmp_path: Path) -> None:
+    """Each predicts something else, but tolerances excuse what it gets wrong."""
+    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses(4))
+    result = case.search()
+    [likeliest] = result.best.candidates
+    assert not keep_paying(result).result.best.is_null
+
+    found = supported(case)
+
+    assert found.paying.result.best.is_null
+    assert [(one.candidate, one.reason) for one in found.paying.dropped] == [(likeliest, UNLIKELY)]
+    [criterion] = found.criteria
+    assert not criterion.met
+    assert 0.2 < criterion.value < OPTIONS.likely
+    outcome = search_outcome(found, (), OPTIONS)
+    assert not outcome.causes
+    assert [one.candidate for one in outcome.rejected] == [likeliest]
+    assert criterion in outcome.criteria
+
+
+def test_a_cause_counts_with_those_that_predict_the_same(tmp_path: Path) -> None:
+    alike = [candidate(id, SHAPES[:, 0] + 0.01 * SHAPES[:, i]) for i, id in enumerate("abcd")]
+
+    found = supported(Case(tmp_path, 0.8 * SHAPES[:, 0], alike))
+
+    [named] = found.alternatives
+    assert named.right < OPTIONS.likely < 0.95 < named.support
+    assert len(named.equivalent) == 3
+    assert [one.met for one in found.criteria] == [True]
+
+
+def test_a_likely_cause_is_named_beside_a_guess_that_is_dropped(tmp_path: Path) -> None:
+    clear = candidate("clear", SHAPES[:, 5])
+    error = 0.8 * SHAPES[:, 0] + 1.2 * SHAPES[:, 5]
+    case = tolerated(tmp_path, error, [clear, *guesses(4)])
+    assert len(ids(case.search().best)) == 2
+
+    found = supported(case)
+
+    assert ids(found.paying.result.best) == ["clear"]
+    assert len(found.paying.dropped) == 1
+    assert [one.met for one in found.criteria] == [True, False]
+
+
+@pytest.mark.parametrize(("more", "named"), [(-5.0, ["a"]), (5.0, [])])
+def test_a_cause_is_less_likely_than_errors_that_are_learned_better(
+    tmp_path: Path, more: float, named: list[str]
+) -> None:
+    """5 nats are too few to refute the cause."""
+    paying = keep_paying(Case(tmp_path, 0.8 * SHAPES[:, 0], crowd(3)).search())
+    remainder = evaluate(paying)
+    learned = replace(
+        remainder.instead, evidence=paying.result.best.evidence + remainder.learned.evidence + more
+    )
+
+    found = keep_supported(paying, replace(remainder, instead=learned), OPTIONS)
+
+    assert isinstance(learned, Learned)
+    assert ids(found.paying.result.best) == named
+
+
+def test_no_other_takes_the_turn_of_a_guess(tmp_path: Path) -> None:
+    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses(4))
+    paying = keep_paying(case.search())
+
+    found = without_cause(paying, 0, UNLIKELY)
+
+    assert found.result.best.is_null
+    assert (found.attempt, found.attempted) == (paying.attempt, paying.attempted)
