@@ -33,6 +33,8 @@ class Thresholds:
     """Multiple of the square root of the evidence so far that each further cause must add."""
     weak: float = 3.0
     """Evidence that each further cause must add where a model is wrong by many noises [nats]."""
+    nonlinear: float = 0.005
+    """Share of what tolerances explain that a cause must explain beyond that evidence."""
     visible: float = 3.0
     """Change of the readings by three typical faults from which on a cause is judged [noise]."""
     certain: float = 10.0

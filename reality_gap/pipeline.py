@@ -25,7 +25,7 @@ from reality_gap.inference.effort_times import (
     half_sample_late,
     with_efforts_earlier,
 )
-from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
+from reality_gap.inference.expansion import Expanded, expand, handicap, is_noise, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -251,35 +251,44 @@ class _Run:
             result = self._search_with(columns, null, screened, result.singles)
         if not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
-            likeliest, suits = self._expand(tolerances, columns, result)
+            own, likeliest, suits = self._expand(tolerances, columns, result)
             if likeliest.expansion.parts and suits:
                 replayer.expansion = likeliest.expansion
                 null = replayer.residual([])
-                result = self._search_with(likeliest.columns, null, screened, result.singles)
+                more = handicap(replayer, own, likeliest, null)
+                result = self._search_with(likeliest.columns, null, screened, result.singles, more)
         self.progress(0.8, "evaluating what remains")
         return revise_and_evaluate(result, options)
 
     def _search_with(
-        self, columns: Floats, null: Floats, screened: _Screened, known: Sequence[Fit] = ()
+        self,
+        columns: Floats,
+        null: Floats,
+        screened: _Screened,
+        known: Sequence[Fit] = (),
+        more: float = 0.0,
     ) -> Search:
-        """Search for causes of the nominal residual (n,), with columns of tolerances (n, p)."""
+        """Search for causes of the nominal residual (n,), with columns of tolerances (n, p).
+
+        The first cause needs ``more`` evidence than usual [nats].
+        """
         replayer, options = self.replayer, self.options
+        settings = replace(options.search, threshold=options.search.threshold + more)
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
-        return search_roughly(
-            replayer, null, columns, screened.judged, options.search, deferred, known
-        )
+        return search_roughly(replayer, null, columns, screened.judged, settings, deferred, known)
 
     def _expand(
         self, tolerances: Sequence[Tolerance], columns: Floats, result: Search
-    ) -> tuple[Expanded, bool]:
+    ) -> tuple[Expanded, Expanded, bool]:
         """Linearise about the likeliest deviations, with as many of the causes as are needed.
 
         Returns:
-            The linearisation, and whether to search again there. Where the search ended with a
-            stop, this is so if noise is left: what is not linear in deviations looked like a stop.
+            The linearisation without causes, the likeliest one, and whether to search again there.
+            Where the search ended with a stop, this is so if noise is left: what is not linear in
+            deviations looked like a stop.
         """
         replayer, best = self.replayer, result.best
-        found = expand(replayer, tolerances, columns, [], self.null_residual)
+        own = found = expand(replayer, tolerances, columns, [], self.null_residual)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
         for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
             first = best.hypothesis[:i]
@@ -288,8 +297,8 @@ class _Run:
             if 0.5 * count * (found.power - beside.power) > self.options.search.threshold:
                 found = beside
         if result.stop is not None:
-            return found, is_noise(replayer, found.power)
-        return found, found.power < FAR
+            return own, found, is_noise(replayer, found.power)
+        return own, found, found.power < FAR
 
 
 def _not_judged(

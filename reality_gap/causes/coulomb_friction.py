@@ -15,7 +15,7 @@ from reality_gap.causes.support import elements, lugre, motors, shared_amounts, 
 from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
 
-USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 1.3e-3
+USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 3e-3
 """Friction of a tendon whose nominal model has none, its standard deviation, and that of friction
 before a force sensor, each as a share of the tendon's typical force."""
 LEAST_BEFORE = 6e-3

@@ -29,7 +29,7 @@ from reality_gap.inference.whitening import (
     likeliest_sizes,
     whitening,
 )
-from reality_gap.simulation.hypothesis import Hypothesis, Part, has_effects
+from reality_gap.simulation.hypothesis import Hypothesis, Part, build
 from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.splits import SELECT, split
 from reality_gap.study.system import System
@@ -93,6 +93,19 @@ def is_noise(replayer: Replayer, power: float) -> bool:
     """Return whether a mean square of a whitened residual is that of noise."""
     count = np.count_nonzero(split(replayer.measured) <= SELECT)
     return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
+
+
+def handicap(replayer: Replayer, own: Expanded, frame: Expanded, residual: Floats) -> float:
+    """Return how much less likely the model is in a linearisation than in its own [nats].
+
+    Args:
+        replayer: has the readings.
+        own: the linearisation about the deviations that are likeliest without causes.
+        frame: another linearisation.
+        residual: residual of the model without causes in that one, shape (n,).
+    """
+    whole = _Whitened(replayer)
+    return max(0.0, 0.5 * whole.count * (whole.power(frame.columns, residual) - own.power))
 
 
 def expand(
@@ -299,13 +312,17 @@ def _choose(
 def suits(system: System, tolerance: Tolerance) -> bool:
     """Return whether a deviation is a number of the model, and of the simplest kind there.
 
-    Dry friction deviates to one side; no other cause does that can also be a candidate.
+    Dry friction deviates to one side; no other cause does that can also be a candidate. That before
+    a force sensor changes the readings, too.
     """
     (candidate, values), p = tolerance.deviation(1.0), tolerance.parameter
     cause = candidate.cause
     if cause.edit is None or cause.fine or not (p.low < p.null < p.high or cause.sticky):
         return False
-    return not has_effects(system, candidate, values)
+    effects = build(system, [(candidate, values)]).effects
+    if effects.commands or effects.hooks or effects.motions or effects.efforts:
+        return False
+    return cause.sticky or not effects.readings
 
 
 def _bounds(tolerance: Tolerance) -> tuple[float, float]:

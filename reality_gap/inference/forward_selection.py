@@ -51,6 +51,8 @@ class Settings:
             errors are so correlated there that a log counts as few readings, and held-out readings
             decide [nats].
         most: largest number of causes.
+        nonlinear: share of what tolerances explain that may be wrong, because large deviations are
+            not linear; a cause must explain more.
     """
 
     refits: int = 8
@@ -60,6 +62,7 @@ class Settings:
     root: float = 0.5
     weak: float = 3.0
     most: int = 5
+    nonlinear: float = 0.005
 
     def for_log(self, seconds: float) -> Settings:
         """Return the settings for a log of this length [s].
@@ -189,7 +192,8 @@ def search(
 def _judge(settled: Settled, settings: Settings) -> Step:
     """Return the step of a search, whose best candidates are fitted fully."""
     problem, tried, base, profiled = settled
-    needed = settings.needed(base, profiled)
+    error = settings.nonlinear**2 * problem.noise_model.evidence_of_explained(tried[0].residual)
+    needed = settings.needed(base, profiled) + error
     if profiled:
         alike = tuple(rescore(problem, f) for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)

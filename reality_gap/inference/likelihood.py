@@ -7,7 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from reality_gap.inference.whitening import Whitening, variance_inflation, whitening
+from reality_gap.inference.whitening import (
+    Whitening,
+    explained_by_tolerances,
+    variance_inflation,
+    whitening,
+)
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import FIT, SELECT, split
 from reality_gap.types import Floats
@@ -55,6 +60,15 @@ class NoiseModel:
         _, shared = np.linalg.slogdet(np.eye(scaled.shape[1]) + scaled.T @ scaled)
         own = np.sum(np.log(self.variance[use]) / self.correlation[use])
         return -0.5 * float(np.sum(self.whiten(residual) ** 2) + own + shared)
+
+    def evidence_of_explained(self, residual: Floats) -> float:
+        """Return half the square of what tolerances explain of a residual (n,) [nats].
+
+        It is the evidence that a cause with this effect would have, were there no tolerances.
+        """
+        use = self.whiten.use
+        found = explained_by_tolerances(self.tolerances, self.inflation, use, residual)
+        return 0.5 * float(np.sum(found[use] ** 2 / self.inflation[use]))
 
     @cached_property
     def whiten(self) -> Whitening:

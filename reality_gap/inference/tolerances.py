@@ -11,7 +11,7 @@ import numpy as np
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.causes.support.typical_scales import joint_speed
 from reality_gap.inference.screening import STEP, Sensitivity
-from reality_gap.simulation.hypothesis import Candidate, Part, build
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import ReadState, Study
 from reality_gap.types import Floats
@@ -31,6 +31,8 @@ BEFORE, UNKNOWN = 0.01, 0.1
 """Errors of the position [s] and of the velocity with which a log begins, over the joint's velocity
 then or its typical one: what was commanded before is not known, and machines with a delay still
 follow that."""
+FORM = 3.0
+"""Factor by which the form of an effect deviates, such as the travel before friction slips."""
 SEEN = 1.0
 """Norm of the error of a column up to which it does not matter [noise]."""
 
@@ -116,9 +118,38 @@ def tolerance_columns(
         for one, residual in zip(large, residuals, strict=True)
         if np.all(np.isfinite(residual))
     ]
+    errors += form_errors(replayer, tolerances)
     seen = [error for error in errors if np.linalg.norm(error) > SEEN]
     starts = start_columns(replayer)
     return np.column_stack([*(one.column for one in tolerances), *seen, *drifts, *starts])
+
+
+def form_errors(replayer: Replayer, tolerances: Sequence[Tolerance]) -> list[Floats]:
+    """Return how other forms of what is tolerated change the readings, shape (n,) each.
+
+    A tolerated effect, such as a little friction, has a form that no log shows, such as the travel
+    before it slips: a third, or three times the usual one.
+
+    Args:
+        replayer: replays hypotheses.
+        tolerances: the tolerances.
+    """
+    replays, pairs = list[Hypothesis](), list[tuple[int, int]]()
+    for one in tolerances:
+        forms = [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
+        if not forms or np.linalg.norm(one.column) <= SEEN:
+            continue
+        candidate, values = one.deviation(1.0)
+        name, usual = one.parameter.name, len(replays)
+        values = {**values, name: values[name] + one.parameter.usual}
+        replays.append([(candidate, values)])
+        for p in forms:
+            for form in (max(p.low, p.null / FORM), min(p.high, p.null * FORM)):
+                pairs.append((usual, len(replays)))
+                replays.append([(candidate, {**values, p.name: form})])
+    residuals = replayer.residuals(replays)
+    errors = [residuals[usual] - residuals[other] for usual, other in pairs]
+    return [error for error in errors if np.isfinite(error).all()]
 
 
 def start_columns(replayer: Replayer) -> list[Floats]:

@@ -364,7 +364,7 @@ class Replayer:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
         parts, shift = self.expansion
         found, step = [], COARSER if coarse else 1.0
-        for prediction in self._predictions([[*parts, *one] for one in hypotheses], step):
+        for prediction in self._predictions([_added(parts, one) for one in hypotheses], step):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
             found.append(residual + shift)
             self.tick()
@@ -407,6 +407,20 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
         if cause.id not in CATALOGUE:
             register_cause(cause)
     _replayer = Replayer(study)
+
+
+def _added(deviations: Sequence[Part], hypothesis: Hypothesis) -> Hypothesis:
+    """Return a hypothesis with deviations; those of its own candidates add to their values."""
+    values = [(candidate, dict(own)) for candidate, own in hypothesis]
+    others = list[Part]()
+    for candidate, moved in deviations:
+        own = next((v for c, v in values if c.matches(candidate)), None)
+        if own is None:
+            others.append((candidate, moved))
+            continue
+        for p in candidate.parameters:
+            own[p.name] += moved[p.name] - p.null
+    return [*others, *values]
 
 
 def _predict(step: float, own_step: bool, hypothesis: Hypothesis) -> Floats:

@@ -11,7 +11,7 @@ import pytest
 
 from reality_gap import Diagnosis, Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
-from reality_gap.inference.expansion import expand, is_small
+from reality_gap.inference.expansion import Expanded, expand, handicap, is_small, suits
 from reality_gap.inference.screening import list_candidates, screen
 from reality_gap.inference.tolerances import (
     Tolerance,
@@ -20,7 +20,7 @@ from reality_gap.inference.tolerances import (
 )
 from reality_gap.inference.whitening import whitening
 from reality_gap.simulation.hypothesis import Hypothesis, Part
-from reality_gap.simulation.replayer import Replayer
+from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
@@ -122,6 +122,45 @@ def test_deviations_that_grow_with_the_time_are_found(tmp_path: Path, seed: int)
 
     assert linear > 20.0
     assert corrected < 1.3
+
+
+def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_path: Path) -> None:
+    with Replayer(study_of(tmp_path, [])) as replayer:
+        null, own = replayer.residual([]), tolerances_of(replayer)
+        plain = expand(replayer, own, tolerance_columns(replayer, own, null), [], null)
+        parts = tuple(one.deviation(3.0) for one in own[:4])
+        shift = np.sum([3.0 * one.column for one in own[:4]], axis=0)
+        frame = Expanded(Expansion(parts, shift), plain.columns, 1.0)
+
+        same = handicap(replayer, plain, plain, null)
+        replayer.expansion = frame.expansion
+        other = handicap(replayer, plain, frame, replayer.residual([]))
+
+    assert same == 0.0
+    assert other > 5.0
+
+
+def test_deviations_of_a_cause_add_to_its_values(tmp_path: Path) -> None:
+    with Replayer(study_of(tmp_path, [])) as replayer:
+        mass = candidate(replayer.system, "link_mass", "upper")
+        part = (mass, mass.null_values() | {"mass": 0.02})
+        twice = replayer.residual([(mass, {**part[1], "mass": 0.04})])
+        replayer.expansion = Expansion((part,), np.zeros(len(twice)))
+
+        np.testing.assert_array_equal(replayer.residual([part]), twice)
+
+
+def test_friction_before_a_force_sensor_deviates_and_zeros_of_sensors_do_not(
+    lever_study: Study,
+) -> None:
+    with Replayer(lever_study) as replayer:
+        causes = [CATALOGUE[id] for id in ("coulomb_friction", "tension_offset", "force_scale")]
+        found = screen(replayer, list_candidates(replayer.system, causes), replayer.residual([]))
+        able = {str(t.candidate) for t in list_tolerances(found) if suits(replayer.system, t)}
+
+    assert "coulomb_friction at flexor (before the force sensor)" in able
+    assert "force_scale at flexor" in able
+    assert not any(one.startswith("tension_offset") for one in able)
 
 
 def test_what_is_not_linear_in_deviations_is_no_stop(tmp_path: Path) -> None:

@@ -78,6 +78,19 @@ def test_candidates_close_to_the_best_are_fitted_fully(tmp_path: Path) -> None:
     assert first.tried[0].hypothesis[0][1]["form"] == pytest.approx(0.15, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("tolerated", "share", "found"), [(3.0, 0.005, ["a"]), (60.0, 0.005, []), (60.0, 0.0, ["a"])]
+)
+def test_a_cause_must_explain_more_than_what_is_not_linear_in_tolerances(
+    tmp_path: Path, tolerated: float, share: float, found: list[str]
+) -> None:
+    """Half a percent of 60 noises is the size of the cause's effect."""
+    case = Case(tmp_path, tolerated * SHAPES[:, 5] + 0.3 * SHAPES[:, 0], crowd(3))
+    case.problem = case.problem_with(80.0 * SHAPES[:, 5:])
+
+    assert ids(case.search(Settings(nonlinear=share)).best) == found
+
+
 def test_the_number_of_causes_is_limited(tmp_path: Path) -> None:
     case = Case(tmp_path, SHAPES[:, 4] - 0.6 * SHAPES[:, 2], crowd(6))
 

@@ -10,6 +10,7 @@ import pytest
 from reality_gap.causes import find_cause
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.inference.tolerances import (
+    form_errors,
     list_tolerances,
     tolerance_columns,
 )
@@ -77,8 +78,30 @@ def test_usual_effects_may_deviate_in_all_tendons_at_once(
     own = screening.group().columns[:, 0]
     p = screening.group().candidate.parameters[0]
 
-    assert len(screening.columns()) == len(screening.alone()) + 1
+    assert len(list(list_tolerances(screening.found))) == len(screening.alone()) + 1
     assert any(np.allclose(c, own * p.tolerance / p.scale) for c in screening.columns())
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_where_tolerated_friction_slips_is_not_known(lever_study: Study, share: float) -> None:
+    """Other travels than those of the columns leave little of what they change."""
+    screening = Screening(lever_study, "coulomb_friction")
+    [one] = [
+        t
+        for t in list_tolerances(screening.found)
+        if str(t.candidate.location) == "flexor" and t.parameter.name == "friction"
+    ]
+    candidate, values = one.deviation(2.0)
+    p = candidate.parameter("presliding")
+    moved = [(candidate, {**values, "presliding": x * p.null}) for x in (1.0, share)]
+    usual, other = screening.replayer.residuals([[part] for part in moved])
+
+    columns = np.column_stack(form_errors(screening.replayer, [one]))
+
+    change = other - usual
+    left = change - columns @ np.linalg.lstsq(columns, change)[0]
+    assert columns.shape[1] == 2
+    assert np.linalg.norm(left) < 0.4 * np.linalg.norm(change)
 
 
 @pytest.mark.parametrize("id", ["length_scale", "tendon_elasticity"])
