@@ -15,17 +15,21 @@ from reality_gap.causes.base import Location, Parameter
 from reality_gap.diagnosis import Verdict
 from reality_gap.errors import TimeLimitError
 from reality_gap.inference.confidence import TEMPER
+from reality_gap.inference.expansion import Expanded
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import Fit, fit, rescore
 from reality_gap.inference.paying import NO_GAIN, at_bound
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
+from reality_gap.inference.tolerances import Tolerance
 from reality_gap.inference.verdict import Options, decide, judge, revise_and_evaluate
 from reality_gap.io.loader import load_study
 from reality_gap.pipeline import diagnose
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import BLOCK, REPORT, TURN
+from reality_gap.types import Floats
 
 
 def decided(
@@ -332,6 +336,27 @@ def test_a_learned_residual_is_an_alternative_to_the_causes(
     assert doubts == [found.unmodelled]
     assert cause.confidence == pytest.approx(1.0 - chance, abs=0.01)
     assert sum(r.confidence for r in found.fitted_candidates) <= 1.0 - found.unmodelled + 1e-9
+
+
+@pytest.mark.usefixtures("frictionless")
+@pytest.mark.parametrize(("more", "count"), [(0.0, 1), (1e6, 0)])
+def test_a_cause_makes_up_for_a_linearisation_in_which_the_model_is_less_likely(
+    more: float, count: int, study_folder: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def about_nothing(
+        replayer: Replayer, tolerances: list[Tolerance], columns: Floats, *others: object
+    ) -> Expanded:
+        candidate, _ = tolerances[0].deviation(0.0)
+        part = (candidate, candidate.null_values())
+        return Expanded(Expansion((part,), np.zeros(len(columns))), columns, 1.0)
+
+    monkeypatch.setattr("reality_gap.pipeline.is_small", lambda *arguments: False)
+    monkeypatch.setattr("reality_gap.pipeline.expand", about_nothing)
+    monkeypatch.setattr("reality_gap.pipeline.handicap", lambda *arguments: more)
+
+    found = diagnose(with_a_wrong_tension(study_folder), causes=[CATALOGUE["tension_scale"]])
+
+    assert len(found.causes) == count
 
 
 @pytest.mark.usefixtures("frictionless")

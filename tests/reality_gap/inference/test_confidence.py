@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.inference.confidence import MIMICRY, doubt_beside_unknown
+from reality_gap.inference.confidence import MIMICRY, doubt_beside_unknown, doubt_of_form
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.support import keep_supported
 from reality_gap.inference.verdict import Options, revise_and_evaluate
@@ -33,6 +33,24 @@ def test_errors_of_channels_that_a_cause_does_not_change_raise_no_doubt() -> Non
 
 def test_a_cause_that_takes_nothing_is_in_doubt() -> None:
     assert doubt([-1.0, 0.0], [5.0, 1.0]) == MIMICRY
+
+
+def test_causes_of_nearly_the_right_form_leave_more_than_is_no_objection() -> None:
+    found = [doubt_of_form(x) for x in (0.5, 1.0, 2.0, 1000.0)]
+
+    assert found == pytest.approx([0.0, 0.0, 0.75 * MIMICRY, MIMICRY], abs=1e-5)
+
+
+def test_a_cause_that_takes_nearly_all_is_in_doubt_where_much_is_left(tmp_path: Path) -> None:
+    """Of 40 noises 8 are left, a share of 4 % of the squares."""
+    error = 40.0 * SHAPES[:, 0] + 8.0 * SHAPES[:, 4]
+    result = Case(tmp_path, error, crowd(1)).search()
+    options = Options(suggest=False)
+    supported = keep_supported(*revise_and_evaluate(result, options), options)
+
+    [cause] = search_outcome(supported, (), options).causes
+
+    assert 0.5 < cause.confidence < 0.55
 
 
 @pytest.mark.parametrize(("unknown", "most"), [(0.0, 1.0), (3.0, 0.8), (10.0, 0.6)])

@@ -101,6 +101,8 @@ def test_where_tolerated_friction_slips_is_not_known(lever_study: Study, share: 
     change = other - usual
     left = change - columns @ np.linalg.lstsq(columns, change)[0]
     assert columns.shape[1] == 2
+    used = screening.columns()
+    assert all(any(np.array_equal(column, one) for one in used) for column in columns.T)
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(change)
 
 

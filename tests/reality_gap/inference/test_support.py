@@ -12,7 +12,7 @@ from reality_gap.inference.learned_residual import Learned
 from reality_gap.inference.paying import UNLIKELY, keep_paying, without_cause
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.support import Supported, keep_supported
-from reality_gap.inference.verdict import Options, evaluate
+from reality_gap.inference.verdict import OTHERS, Options, evaluate
 from reality_gap.simulation.hypothesis import Candidate
 from tests.reality_gap.inference.imperfect_models import SHAPES, Case, candidate, crowd, ids
 
@@ -54,6 +54,7 @@ def test_one_guess_of_four_is_not_named(tmp_path: Path) -> None:
     assert not outcome.causes
     assert [one.candidate for one in outcome.rejected] == [likeliest]
     assert criterion in outcome.criteria
+    assert outcome.objection == OTHERS
 
 
 def test_a_cause_counts_with_those_that_predict_the_same(tmp_path: Path) -> None:
