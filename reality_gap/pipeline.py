@@ -255,7 +255,8 @@ class _Run:
             if likeliest.expansion.parts and suits:
                 replayer.expansion = likeliest.expansion
                 null = replayer.residual([])
-                more = handicap(replayer, own, likeliest, null)
+                inflation = result.problem.noise_model.inflation
+                more = handicap(replayer, own, likeliest, null, inflation)
                 result = self._search_with(likeliest.columns, null, screened, result.singles, more)
         self.progress(0.8, "evaluating what remains")
         return revise_and_evaluate(result, options)

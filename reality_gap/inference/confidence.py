@@ -78,7 +78,7 @@ def doubt_beside_unknown(gained: Floats, left: Floats) -> float:
     return MIMICRY * float(gained @ (excess / np.maximum(excess + gained, 1e-12))) / total
 
 
-def doubt_of_form(excess: float) -> float:
+def doubt_of_form(left: float, allowed: float) -> float:
     """Return the probability that a cause is wrong because of how much all causes leave.
 
     A cause that is nearly right, such as a limit of the speed in place of a torque that falls with
@@ -86,9 +86,10 @@ def doubt_of_form(excess: float) -> float:
     more noises that is, the likelier are such causes.
 
     Args:
-        excess: RMS that the causes leave, relative to the largest that is no objection.
+        left: RMS that the causes leave [noise].
+        allowed: the largest that is no objection [noise].
     """
-    return MIMICRY * (1.0 - excess**-2.0) if excess > 1.0 else 0.0
+    return MIMICRY * (1.0 - (allowed / left) ** 2) if left > allowed else 0.0
 
 
 def tempered(evidence: Floats, temper: float) -> Floats:

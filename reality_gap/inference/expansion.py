@@ -95,7 +95,9 @@ def is_noise(replayer: Replayer, power: float) -> bool:
     return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
 
 
-def handicap(replayer: Replayer, own: Expanded, frame: Expanded, residual: Floats) -> float:
+def handicap(
+    replayer: Replayer, own: Expanded, frame: Expanded, residual: Floats, inflation: Floats
+) -> float:
     """Return how much less likely the model is in a linearisation than in its own [nats].
 
     Args:
@@ -103,9 +105,15 @@ def handicap(replayer: Replayer, own: Expanded, frame: Expanded, residual: Float
         own: the linearisation about the deviations that are likeliest without causes.
         frame: another linearisation.
         residual: residual of the model without causes in that one, shape (n,).
+        inflation: how many readings count as one, by reading, shape (n,).
+
+    Returns:
+        The difference, at least 0; 0 if the model diverges there.
     """
     whole = _Whitened(replayer)
-    return max(0.0, 0.5 * whole.count * (whole.power(frame.columns, residual) - own.power))
+    more = whole.power(frame.columns, residual) - own.power
+    count = float(np.sum(1.0 / inflation[split(replayer.measured) <= SELECT]))
+    return max(0.0, 0.5 * count * more) if np.isfinite(more) else 0.0
 
 
 def expand(

@@ -30,7 +30,7 @@ NEAR = 0.01
 """Distance of a parameter from its bound, relative to that of the bound from the null value, below
 which the parameter counts as at its bound."""
 AT_BOUND = "has a parameter at its bound"
-UNLIKELY = "is less likely than all others together"
+UNLIKELY = "is too unlikely beside other explanations"
 NO_GAIN = "does not surely predict better the readings that were not used to find it"
 
 
@@ -122,16 +122,19 @@ def keep_paying(result: Search) -> Paying:
 def without_cause(paying: Paying, i: int, reason: str) -> Paying:
     """Drop a cause that pays, and those that do not pay without it.
 
-    None takes its place, for all others are less likely.
+    None takes its place, for all others are less likely; where that makes another cause needless,
+    `keep_paying` says what takes its place.
 
     Args:
         paying: causes that pay.
         i: index of the cause.
         reason: why it is dropped, as the end of a sentence.
     """
-    left = paying.tested.without[i]
-    problem = paying.result.problem.reinflated(left.residual)
-    result = replace(paying.result, problem=problem, best=rescore(problem, left))
+    left, result = paying.tested.without[i], paying.result
+    if left.is_null:  # the gap itself does not inflate the noise
+        return _with_dropped(paying, i, reason, replace(result, best=left))
+    problem = result.problem.reinflated(left.residual)
+    result = replace(result, problem=problem, best=rescore(problem, left))
     return _keep_paying(_with_dropped(paying, i, reason, result))
 
 

@@ -138,7 +138,7 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
 def _doubts_of_partial(paying: Paying, doubt: float, judged: Sequence[Criterion]) -> list[float]:
     """Return the probability of each cause that it is wrong because of what all of them leave."""
     noises = next(one for one in judged if one.name == "report_noises")
-    least = max(doubt, doubt_of_form(noises.value / noises.threshold))
+    least = max(doubt, doubt_of_form(noises.value, noises.threshold))
     residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
     left, *without = channel_powers(paying.result.problem, *residuals)
     return [max(least, doubt_beside_unknown(more - left, left)) for more in without]

@@ -32,7 +32,7 @@ BEFORE, UNKNOWN = 0.01, 0.1
 then or its typical one: what was commanded before is not known, and machines with a delay still
 follow that."""
 FORM = 3.0
-"""Factor by which the form of an effect deviates, such as the travel before friction slips."""
+"""Factor by which the travel before friction slips deviates."""
 SEEN = 1.0
 """Norm of the error of a column up to which it does not matter [noise]."""
 
@@ -125,10 +125,10 @@ def tolerance_columns(
 
 
 def form_errors(replayer: Replayer, tolerances: Sequence[Tolerance]) -> list[Floats]:
-    """Return how other forms of what is tolerated change the readings, shape (n,) each.
+    """Return how other forms of tolerated friction change the readings, shape (n,) each.
 
-    A tolerated effect, such as a little friction, has a form that no log shows, such as the travel
-    before it slips: a third, or three times the usual one.
+    A little friction has a form that no log shows: the travel before it slips may be a third of the
+    usual one, or three times as long.
 
     Args:
         replayer: replays hypotheses.
@@ -137,7 +137,8 @@ def form_errors(replayer: Replayer, tolerances: Sequence[Tolerance]) -> list[Flo
     replays, pairs = list[Hypothesis](), list[tuple[int, int]]()
     for one in tolerances:
         forms = [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
-        if not forms or np.linalg.norm(one.column) <= SEEN:
+        is_friction = one.candidate.cause.sticky and forms
+        if not is_friction or np.linalg.norm(one.column) <= FORM * SEEN:
             continue
         candidate, values = one.deviation(1.0)
         name, usual = one.parameter.name, len(replays)

@@ -34,7 +34,7 @@ FOLLOWS = "leaves errors that follow the motion"
 ABOVE = "leaves errors above the noise"
 ROUGH = "leaves errors that only deviations of many times the tolerances explain"
 TOGETHER = "predicts held-out readings better, but none of its causes does by itself"
-OTHERS = "predicts held-out readings better, but so do other causes"
+OTHERS = "predicts held-out readings better, but so do others that predict something else"
 NO_CAUSE = "explains too little of errors that follow the motion"
 
 
@@ -197,9 +197,10 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
             _at_most("learned_evidence", instead, most, NO_CAUSE),
         ]
         if paying.attempted.pays:
-            doubtful = any(one.reason == UNLIKELY for one in paying.dropped)
-            objection = OTHERS if doubtful else TOGETHER
-            found.append(_at_most("noises_before", remainder.before, ABOUT * form, objection))
+            found.append(_at_most("noises_before", remainder.before, ABOUT * form, TOGETHER))
+        if any(one.reason == UNLIKELY for one in paying.dropped):
+            attempt = paying.attempt.evidence
+            found.insert(0, _at_most("evidence_of_guesses", attempt, most, OTHERS))
         return (*_stop(paying), *found)
     named, learned = best.evidence, remainder.learned.evidence
     before, after = remainder.fits

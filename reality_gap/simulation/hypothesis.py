@@ -80,13 +80,17 @@ def in_log(hypothesis: Hypothesis, log: str) -> list[Part]:
         everywhere = replace(candidate, location=replace(candidate.location, log=""))
         key = candidate.cause.id, everywhere.location
         if key in found:
-            before = found[key][1]
-            values = {
-                p.name: float(np.clip(before[p.name] + values[p.name] - p.null, p.low, p.high))
-                for p in candidate.parameters
-            }
+            values = added(candidate, found[key][1], values)
         found[key] = everywhere, values
     return list(found.values())
+
+
+def added(candidate: Candidate, values: Values, others: Values) -> Values:
+    """Return the sum of two deviations of a candidate from its null values, within its bounds."""
+    return {
+        p.name: float(np.clip(values[p.name] + others[p.name] - p.null, p.low, p.high))
+        for p in candidate.parameters
+    }
 
 
 def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None = None) -> Plant:

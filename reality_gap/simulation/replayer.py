@@ -19,7 +19,15 @@ from reality_gap.causes import CATALOGUE, register_cause
 from reality_gap.causes.base import Cause, Location, Record
 from reality_gap.errors import StudyError
 from reality_gap.simulation.episode import silence
-from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build, in_log
+from reality_gap.simulation.hypothesis import (
+    Candidate,
+    Hypothesis,
+    Part,
+    Plant,
+    added,
+    build,
+    in_log,
+)
 from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
 from reality_gap.simulation.light_model import light_spec, without_distant_meshes
 from reality_gap.simulation.likelier_start import with_likelier_start
@@ -364,7 +372,8 @@ class Replayer:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
         parts, shift = self.expansion
         found, step = [], COARSER if coarse else 1.0
-        for prediction in self._predictions([_added(parts, one) for one in hypotheses], step):
+        deviating = [_with_deviations(parts, one) for one in hypotheses]
+        for prediction in self._predictions(deviating, step):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
             found.append(residual + shift)
             self.tick()
@@ -409,18 +418,16 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
     _replayer = Replayer(study)
 
 
-def _added(deviations: Sequence[Part], hypothesis: Hypothesis) -> Hypothesis:
+def _with_deviations(deviations: Sequence[Part], hypothesis: Hypothesis) -> Hypothesis:
     """Return a hypothesis with deviations; those of its own candidates add to their values."""
-    values = [(candidate, dict(own)) for candidate, own in hypothesis]
-    others = list[Part]()
+    own, others = list(hypothesis), list[Part]()
     for candidate, moved in deviations:
-        own = next((v for c, v in values if c.matches(candidate)), None)
-        if own is None:
+        at = next((i for i, (c, _) in enumerate(own) if c.matches(candidate)), None)
+        if at is None:
             others.append((candidate, moved))
-            continue
-        for p in candidate.parameters:
-            own[p.name] += moved[p.name] - p.null
-    return [*others, *values]
+        else:
+            own[at] = own[at][0], added(candidate, own[at][1], moved)
+    return [*others, *own]
 
 
 def _predict(step: float, own_step: bool, hypothesis: Hypothesis) -> Floats:

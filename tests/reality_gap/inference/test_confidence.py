@@ -36,9 +36,10 @@ def test_a_cause_that_takes_nothing_is_in_doubt() -> None:
 
 
 def test_causes_of_nearly_the_right_form_leave_more_than_is_no_objection() -> None:
-    found = [doubt_of_form(x) for x in (0.5, 1.0, 2.0, 1000.0)]
+    found = [doubt_of_form(x, 1.5) for x in (0.75, 1.5, 3.0, 1500.0)]
 
     assert found == pytest.approx([0.0, 0.0, 0.75 * MIMICRY, MIMICRY], abs=1e-5)
+    assert doubt_of_form(1.0, 0.0) == MIMICRY
 
 
 def test_a_cause_that_takes_nearly_all_is_in_doubt_where_much_is_left(tmp_path: Path) -> None:

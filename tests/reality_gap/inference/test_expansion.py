@@ -132,12 +132,16 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
         shift = np.sum([3.0 * one.column for one in own[:4]], axis=0)
         frame = Expanded(Expansion(parts, shift), plain.columns, 1.0)
 
-        same = handicap(replayer, plain, plain, null)
+        ones = np.ones(len(null))
+        same = handicap(replayer, plain, plain, null, ones)
         replayer.expansion = frame.expansion
-        other = handicap(replayer, plain, frame, replayer.residual([]))
+        residual = replayer.residual([])
+        other, fewer = (handicap(replayer, plain, frame, residual, k * ones) for k in (1.0, 4.0))
+        diverged = handicap(replayer, plain, frame, np.nan * residual, ones)
 
-    assert same == 0.0
+    assert same == diverged == 0.0
     assert other > 5.0
+    assert fewer == pytest.approx(0.25 * other)
 
 
 def test_deviations_of_a_cause_add_to_its_values(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reality_gap.diagnosis import Verdict
 from reality_gap.inference.learned_residual import Learned
 from reality_gap.inference.paying import UNLIKELY, keep_paying, without_cause
 from reality_gap.inference.search_outcome import search_outcome
@@ -24,9 +25,9 @@ def supported(case: Case) -> Supported:
     return keep_supported(paying, evaluate(paying), OPTIONS)
 
 
-def guesses(count: int) -> list[Candidate]:
-    """Return candidates that share an error, each with one of its own, all of the same size."""
-    return [candidate("abcd"[i], SHAPES[:, 0] + 1.5 * SHAPES[:, i + 1]) for i in range(count)]
+def guesses(own: float = 1.5) -> list[Candidate]:
+    """Return candidates that share an error, each with one of its own beside it."""
+    return [candidate(id, SHAPES[:, 0] + own * SHAPES[:, i + 1]) for i, id in enumerate("abcd")]
 
 
 def tolerated(folder: Path, error: np.ndarray, chosen: list[Candidate]) -> Case:
@@ -38,7 +39,7 @@ def tolerated(folder: Path, error: np.ndarray, chosen: list[Candidate]) -> Case:
 
 def test_one_guess_of_four_is_not_named(tmp_path: Path) -> None:
     """Each predicts something else, but tolerances excuse what it gets wrong."""
-    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses(4))
+    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses())
     result = case.search()
     [likeliest] = result.best.candidates
     assert not keep_paying(result).result.best.is_null
@@ -50,11 +51,25 @@ def test_one_guess_of_four_is_not_named(tmp_path: Path) -> None:
     [criterion] = found.criteria
     assert not criterion.met
     assert 0.2 < criterion.value < OPTIONS.likely
+    before, after = (one.problem.noise_model.inflation for one in (result, found.paying.result))
+    np.testing.assert_array_equal(before, after)
     outcome = search_outcome(found, (), OPTIONS)
+    assert outcome.verdict is Verdict.UNEXPLAINED
     assert not outcome.causes
     assert [one.candidate for one in outcome.rejected] == [likeliest]
     assert criterion in outcome.criteria
     assert outcome.objection == OTHERS
+
+
+def test_guesses_that_chance_makes_as_likely_are_no_gap(tmp_path: Path) -> None:
+    """Options ask for more evidence than they have."""
+    found = supported(tolerated(tmp_path, 0.4 * SHAPES[:, 0], guesses(3.0)))
+    assert found.paying.result.best.is_null
+
+    few, many = (search_outcome(found, (), replace(OPTIONS, certain=x)) for x in (10.0, 1000.0))
+
+    assert (few.verdict, few.objection) == (Verdict.UNEXPLAINED, OTHERS)
+    assert many.verdict is Verdict.NOTHING_WRONG
 
 
 def test_a_cause_counts_with_those_that_predict_the_same(tmp_path: Path) -> None:
@@ -71,7 +86,7 @@ def test_a_cause_counts_with_those_that_predict_the_same(tmp_path: Path) -> None
 def test_a_likely_cause_is_named_beside_a_guess_that_is_dropped(tmp_path: Path) -> None:
     clear = candidate("clear", SHAPES[:, 5])
     error = 0.8 * SHAPES[:, 0] + 1.2 * SHAPES[:, 5]
-    case = tolerated(tmp_path, error, [clear, *guesses(4)])
+    case = tolerated(tmp_path, error, [clear, *guesses()])
     assert len(ids(case.search().best)) == 2
 
     found = supported(case)
@@ -99,7 +114,7 @@ def test_a_cause_is_less_likely_than_errors_that_are_learned_better(
 
 
 def test_no_other_takes_the_turn_of_a_guess(tmp_path: Path) -> None:
-    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses(4))
+    case = tolerated(tmp_path, 0.8 * SHAPES[:, 0], guesses())
     paying = keep_paying(case.search())
 
     found = without_cause(paying, 0, UNLIKELY)
