@@ -57,6 +57,8 @@ class Thresholds:
     """Deviation of a parameter above which it does not excuse what is left [tolerances]."""
     likely: float = 0.5
     """Probability that a cause needs to be named, with all that predict the same."""
+    guess: float = 20.0
+    """Evidence from which on a less likely cause is named, too [nats]."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
     of_step: float = 3.0

@@ -31,7 +31,7 @@ class Verdict(Enum):
     ``NOTHING_WRONG``: the data show no error of the model. ``NAMED``: causes explain the gap; what
     remains is at the noise, given the tolerances. ``PARTLY_NAMED``: causes explain a part of the
     gap, also on held-out data; the rest has no name. ``UNEXPLAINED``: there is a gap, and no known
-    cause explains a part of it and is likelier than all others together.
+    cause explains a part of it, or only guesses do.
     """
 
     NOTHING_WRONG = "nothing_wrong"

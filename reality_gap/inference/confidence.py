@@ -20,6 +20,8 @@ TEMPER = 3.2
 """T, by which evidence is divided: result of `gap-calibrate --trials 50 --seed 0`."""
 MIMICRY = 0.5
 """Probability that a cause is wrong beside unknown causes with much more evidence."""
+NEARLY = 0.3
+"""Probability that a cause is only nearly right if it leaves many noises."""
 
 
 def probabilities(base: float, fits: Sequence[Fit]) -> Floats:
@@ -89,7 +91,7 @@ def doubt_of_form(left: float, allowed: float) -> float:
         left: RMS that the causes leave [noise].
         allowed: the largest that is no objection [noise].
     """
-    return MIMICRY * (1.0 - (allowed / left) ** 2) if left > allowed else 0.0
+    return NEARLY * (1.0 - (allowed / left) ** 2) if left > allowed else 0.0
 
 
 def tempered(evidence: Floats, temper: float) -> Floats:

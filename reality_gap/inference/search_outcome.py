@@ -138,10 +138,11 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
 def _doubts_of_partial(paying: Paying, doubt: float, judged: Sequence[Criterion]) -> list[float]:
     """Return the probability of each cause that it is wrong because of what all of them leave."""
     noises = next(one for one in judged if one.name == "report_noises")
-    least = max(doubt, doubt_of_form(noises.value, noises.threshold))
+    right = 1.0 - doubt_of_form(noises.value, noises.threshold)
     residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
     left, *without = channel_powers(paying.result.problem, *residuals)
-    return [max(least, doubt_beside_unknown(more - left, left)) for more in without]
+    beside = [max(doubt, doubt_beside_unknown(more - left, left)) for more in without]
+    return [1.0 - right * (1.0 - one) for one in beside]
 
 
 def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:

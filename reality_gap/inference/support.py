@@ -1,17 +1,16 @@
-"""Support: only causes that are likelier than not are named.
+"""Support: causes of little evidence are named only if they are likelier than not.
 
 A cause may pay on held-out data although several others, or errors that are learned from the
 motion, do so nearly as well. Causes that the data cannot tell from it are declared equivalent, and
 count with it. Where others predict something else, the likeliest one may still be wrong most of
-the time.
+the time. One with much evidence is named with its low confidence nevertheless: a model with it
+predicts better than without.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import NamedTuple
-
-import numpy as np
 
 from reality_gap.diagnosis import Criterion, Verdict
 from reality_gap.inference.confidence import unmodelled
@@ -22,7 +21,7 @@ from reality_gap.inference.verdict import Options, decide, evaluate, judge
 
 
 class Supported(NamedTuple):
-    """Causes that pay and are likelier than not.
+    """Causes that pay and are no guesses.
 
     Attributes:
         paying: the causes.
@@ -38,7 +37,7 @@ class Supported(NamedTuple):
 
 
 def keep_supported(paying: Paying, remainder: Remainder, options: Options) -> Supported:
-    """Drop the causes that are less likely than not, the least likely one first.
+    """Drop guesses: causes of little evidence that are less likely than not, the worst one first.
 
     Args:
         paying: the causes that pay.
@@ -50,10 +49,11 @@ def keep_supported(paying: Paying, remainder: Remainder, options: Options) -> Su
         refused = [one.candidate for one in paying.dropped if one.reason != UNLIKELY]
         found = alternatives(paying.result, options.search, refused=refused)
         modelled = _modelled(paying, remainder)
-        tested = [_criterion(one, modelled * one.support, options.likely) for one in found]
-        worst = int(np.argmin([one.value for one in tested]))
-        if tested[worst].met:
+        tested = [_criterion(one, modelled * one.support, options) for one in found]
+        missed = [i for i, one in enumerate(tested) if not one.met]
+        if not missed:
             return Supported(paying, remainder, found, (*tested, *criteria))
+        worst = min(missed, key=lambda i: tested[i].value)
         criteria.append(tested[worst])
         paying = without_cause(paying, worst, UNLIKELY)
         remainder = evaluate(paying)
@@ -78,5 +78,6 @@ def _of_the_attempt(
     return alternatives(result, options.search, retry=False)
 
 
-def _criterion(one: Alternatives, support: float, likely: float) -> Criterion:
-    return Criterion(f"support: {one.candidate}", support, likely, support >= likely, UNLIKELY)
+def _criterion(one: Alternatives, support: float, options: Options) -> Criterion:
+    met = support >= options.likely or one.own >= options.guess
+    return Criterion(f"support: {one.candidate}", support, options.likely, met, UNLIKELY)

@@ -61,6 +61,8 @@ class Options:
         of_step: largest error of the time step that excuses what is left [noise].
         deviation: largest deviation of a parameter that excuses what is left [tolerances].
         likely: probability that a cause needs to be named, with all that predict the same.
+        guess: evidence from which on a less likely cause is named, too: some cause is there, and
+            the model with this one predicts better [nats].
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
             [noise].
@@ -86,6 +88,7 @@ class Options:
     of_step: float = 3.0
     deviation: float = 20.0
     likely: float = 0.5
+    guess: float = 20.0
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True

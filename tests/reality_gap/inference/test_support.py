@@ -17,12 +17,13 @@ from reality_gap.inference.verdict import OTHERS, Options, evaluate
 from reality_gap.simulation.hypothesis import Candidate
 from tests.reality_gap.inference.imperfect_models import SHAPES, Case, candidate, crowd, ids
 
-OPTIONS = Options(suggest=False)
+OPTIONS = Options(suggest=False, guess=1e6)
+"""In which all causes must be likelier than not, whatever their evidence."""
 
 
-def supported(case: Case) -> Supported:
+def supported(case: Case, options: Options = OPTIONS) -> Supported:
     paying = keep_paying(case.search())
-    return keep_supported(paying, evaluate(paying), OPTIONS)
+    return keep_supported(paying, evaluate(paying), options)
 
 
 def guesses(own: float = 1.5) -> list[Candidate]:
@@ -59,6 +60,19 @@ def test_one_guess_of_four_is_not_named(tmp_path: Path) -> None:
     assert [one.candidate for one in outcome.rejected] == [likeliest]
     assert criterion in outcome.criteria
     assert outcome.objection == OTHERS
+
+
+@pytest.mark.parametrize(("guess", "named"), [(20.0, True), (200.0, False)])
+def test_a_guess_with_much_evidence_keeps_its_low_confidence(
+    tmp_path: Path, guess: float, named: bool
+) -> None:
+    options = replace(OPTIONS, guess=guess)
+    found = supported(tolerated(tmp_path, 0.6 * SHAPES[:, 0], guesses()), options)
+
+    causes = search_outcome(found, (), options).causes
+
+    assert len(causes) == named
+    assert all(0.2 < cause.confidence < options.likely for cause in causes)
 
 
 def test_guesses_that_chance_makes_as_likely_are_no_gap(tmp_path: Path) -> None:
