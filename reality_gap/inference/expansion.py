@@ -110,6 +110,8 @@ def handicap(
     Returns:
         The difference, at least 0; 0 if the model diverges there.
     """
+    if frame is own:
+        return 0.0
     whole = _Whitened(replayer)
     more = whole.power(frame.columns, residual) - own.power
     count = float(np.sum(1.0 / inflation[split(replayer.measured) <= SELECT]))

@@ -17,7 +17,7 @@ from reality_gap.inference.confidence import unmodelled
 from reality_gap.inference.equivalence import Alternatives, alternatives, first_attempt
 from reality_gap.inference.paying import UNLIKELY, Paying, without_cause
 from reality_gap.inference.remainder import Remainder
-from reality_gap.inference.verdict import Options, decide, evaluate, judge
+from reality_gap.inference.verdict import Options, decide, judge, remainder_of
 
 
 class Supported(NamedTuple):
@@ -27,7 +27,7 @@ class Supported(NamedTuple):
         paying: the causes.
         remainder: what they leave, or what the best attempt leaves if none is left.
         alternatives: what was tried in the place of each, or first if there is none.
-        criteria: the probabilities that were compared.
+        criteria: the probabilities and evidence that were compared.
     """
 
     paying: Paying
@@ -45,7 +45,7 @@ def keep_supported(paying: Paying, remainder: Remainder, options: Options) -> Su
         options: thresholds.
     """
     criteria = list[Criterion]()
-    while decide(paying, judge(paying, remainder, options)).has_names:
+    while (verdict := decide(paying, judge(paying, remainder, options))).has_names:
         refused = [one.candidate for one in paying.dropped if one.reason != UNLIKELY]
         found = alternatives(paying.result, options.search, refused=refused)
         modelled = _modelled(paying, remainder)
@@ -56,8 +56,8 @@ def keep_supported(paying: Paying, remainder: Remainder, options: Options) -> Su
         worst = min(missed, key=lambda i: tested[i].value)
         criteria.append(tested[worst])
         paying = without_cause(paying, worst, UNLIKELY)
-        remainder = evaluate(paying)
-    tried = _of_the_attempt(paying, remainder, options)
+        remainder = remainder_of(paying)
+    tried = _of_the_attempt(paying, verdict, options)
     return Supported(paying, remainder, tried, tuple(criteria))
 
 
@@ -67,17 +67,17 @@ def _modelled(paying: Paying, remainder: Remainder) -> float:
     return 1.0 - unmodelled(named, remainder.instead.evidence)
 
 
-def _of_the_attempt(
-    paying: Paying, remainder: Remainder, options: Options
-) -> tuple[Alternatives, ...]:
+def _of_the_attempt(paying: Paying, verdict: Verdict, options: Options) -> tuple[Alternatives, ...]:
     """Return what was tried in the place of each cause of an attempt, or first if it has none."""
     result = replace(paying.result, best=paying.attempt)
-    verdict = decide(paying, judge(paying, remainder, options))
     if result.best.is_null and verdict is Verdict.UNEXPLAINED:
         return first_attempt(result)
     return alternatives(result, options.search, retry=False)
 
 
 def _criterion(one: Alternatives, support: float, options: Options) -> Criterion:
-    met = support >= options.likely or one.own >= options.guess
+    """Return the criterion of a cause: its probability, or its evidence where that is enough."""
+    if support < options.likely and one.own >= options.guess:
+        return Criterion(f"guess: {one.candidate}", one.own, options.guess, True, UNLIKELY)
+    met = support >= options.likely
     return Criterion(f"support: {one.candidate}", support, options.likely, met, UNLIKELY)

@@ -137,8 +137,8 @@ def form_errors(replayer: Replayer, tolerances: Sequence[Tolerance]) -> list[Flo
     replays, pairs = list[Hypothesis](), list[tuple[int, int]]()
     for one in tolerances:
         forms = [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
-        is_friction = one.candidate.cause.sticky and forms
-        if not is_friction or np.linalg.norm(one.column) <= FORM * SEEN:
+        visible = np.linalg.norm(one.column) > FORM * SEEN
+        if not (one.candidate.cause.sticky and forms and visible):
             continue
         candidate, values = one.deviation(1.0)
         name, usual = one.parameter.name, len(replays)

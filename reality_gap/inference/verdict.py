@@ -34,7 +34,7 @@ FOLLOWS = "leaves errors that follow the motion"
 ABOVE = "leaves errors above the noise"
 ROUGH = "leaves errors that only deviations of many times the tolerances explain"
 TOGETHER = "predicts held-out readings better, but none of its causes does by itself"
-OTHERS = "predicts held-out readings better, but so do others that predict something else"
+OTHERS = "is one of several that predict held-out readings better"
 NO_CAUSE = "explains too little of errors that follow the motion"
 
 
@@ -118,10 +118,10 @@ def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remai
     last = paying.attempt if paying.result.best.is_null else paying.result.best
     if last.hypothesis == result.best.hypothesis:
         return paying, _or_that_of_the_model(paying, remainder)
-    return paying, evaluate(paying)
+    return paying, remainder_of(paying)
 
 
-def evaluate(paying: Paying) -> Remainder:
+def remainder_of(paying: Paying) -> Remainder:
     """Evaluate what causes that pay leave; what the best attempt leaves if none pays."""
     last = paying.attempt if paying.result.best.is_null else paying.result.best
     return _or_that_of_the_model(paying, evaluate_remainder(paying.result.problem, last))

@@ -117,8 +117,8 @@ def _no_winner(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
     )
     if diagnosis.verdict is Verdict.NOTHING_WRONG:
         return sentence + (
-            "Logs of a machine without a fault have as much by chance, it does not predict "
-            "held-out data better, or others explain them as well, so that it is not named."
+            "Logs of a machine without a fault have as much by chance, or it does not predict "
+            "held-out data better, or other candidates do so, too; it is therefore not named."
         )
     return sentence + (
         "It explains a part of the error, as a wrong cause can, but does not meet the criteria for "

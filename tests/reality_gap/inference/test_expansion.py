@@ -133,7 +133,7 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
         frame = Expanded(Expansion(parts, shift), plain.columns, 1.0)
 
         ones = np.ones(len(null))
-        same = handicap(replayer, plain, plain, null, ones)
+        same = handicap(replayer, plain, plain._replace(power=9.0), null, ones)
         replayer.expansion = frame.expansion
         residual = replayer.residual([])
         other, fewer = (handicap(replayer, plain, frame, residual, k * ones) for k in (1.0, 4.0))

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from reality_gap.diagnosis import Verdict
-from reality_gap.inference.learned_residual import Learned
 from reality_gap.inference.paying import UNLIKELY, keep_paying, without_cause
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.support import Supported, keep_supported
-from reality_gap.inference.verdict import OTHERS, Options, evaluate
+from reality_gap.inference.verdict import OTHERS, Options, remainder_of
 from reality_gap.simulation.hypothesis import Candidate
 from tests.reality_gap.inference.imperfect_models import SHAPES, Case, candidate, crowd, ids
 
@@ -23,7 +22,7 @@ OPTIONS = Options(suggest=False, guess=1e6)
 
 def supported(case: Case, options: Options = OPTIONS) -> Supported:
     paying = keep_paying(case.search())
-    return keep_supported(paying, evaluate(paying), options)
+    return keep_supported(paying, remainder_of(paying), options)
 
 
 def guesses(own: float = 1.5) -> list[Candidate]:
@@ -73,6 +72,8 @@ def test_a_guess_with_much_evidence_keeps_its_low_confidence(
 
     assert len(causes) == named
     assert all(0.2 < cause.confidence < options.likely for cause in causes)
+    [criterion] = found.criteria
+    assert criterion.met == named == (criterion.value >= criterion.threshold)
 
 
 def test_guesses_that_chance_makes_as_likely_are_no_gap(tmp_path: Path) -> None:
@@ -116,14 +117,13 @@ def test_a_cause_is_less_likely_than_errors_that_are_learned_better(
 ) -> None:
     """5 nats are too few to refute the cause."""
     paying = keep_paying(Case(tmp_path, 0.8 * SHAPES[:, 0], crowd(3)).search())
-    remainder = evaluate(paying)
+    remainder = remainder_of(paying)
     learned = replace(
         remainder.instead, evidence=paying.result.best.evidence + remainder.learned.evidence + more
     )
 
     found = keep_supported(paying, replace(remainder, instead=learned), OPTIONS)
 
-    assert isinstance(learned, Learned)
     assert ids(found.paying.result.best) == named
 
 
