@@ -9,7 +9,6 @@ columns and in nats.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -61,7 +60,9 @@ def complexity(gram: Floats, theta: Floats, cause: Ints, flat: Bools) -> float:
 
     By Laplace's approximation this is half the squared distance of theta from the null in prior
     deviations, plus half the log determinant of posterior over prior precision. The likelihood is
-    averaged over the deviations `SIZES`, independently for each cause.
+    averaged over the deviations `SIZES`, independently for each cause. This average over all
+    combinations is taken about the likeliest one, as if the deviation of one cause did not change
+    what those of the others are worth: exact for one cause, and nearly so for several.
 
     Args:
         gram: Fisher information per squared scale, shape (p, p).
@@ -70,16 +71,36 @@ def complexity(gram: Floats, theta: Floats, cause: Ints, flat: Bools) -> float:
             whose deviation is `PRIOR`.
         flat: whether the value of a parameter is not penalised, shape (p,).
     """
-    causes = np.unique(cause[cause >= 0])
     distance = np.where(flat, 0.0, theta**2)
-    logs = []
-    for sizes in product(SIZES, repeat=len(causes)):
-        deviation = np.full(len(theta), PRIOR)
-        for one, size in zip(causes, sizes, strict=True):
-            deviation[(cause == one) & ~flat] = size
-        ratio = np.eye(len(theta)) + deviation[:, None] * gram * deviation
-        logs.append(-0.5 * float(np.sum(distance / deviation**2) + np.linalg.slogdet(ratio)[1]))
-    return float(np.log(len(logs)) - np.logaddexp.reduce(logs))
+    own = [(cause == one) & ~flat for one in np.unique(cause[cause >= 0])]
+    deviation = np.full(len(theta), PRIOR)
+    for members in own:
+        deviation[members] = _nearest_size(theta[members])
+    best = float(_log_density(gram, distance, deviation[None])[0])
+    before, averages = -np.inf, list[float]()
+    while best > before:
+        before, averages = best, []
+        for members in own:
+            trials = np.repeat(deviation[None], len(SIZES), axis=0)
+            trials[:, members] = np.array(SIZES)[:, None]
+            logs = _log_density(gram, distance, trials)
+            averages.append(float(np.logaddexp.reduce(logs)) - np.log(len(SIZES)))
+            if logs.max() > best:
+                best, deviation = float(logs.max()), trials[np.argmax(logs)]
+    return -best - sum(average - best for average in averages)
+
+
+def _nearest_size(theta: Floats) -> float:
+    """Return the deviation of `SIZES` that is nearest to the RMS of theta (p,)."""
+    size = np.sqrt(np.mean(theta**2)) if len(theta) else 0.0
+    return min(SIZES, key=lambda one: abs(one - size))
+
+
+def _log_density(gram: Floats, distance: Floats, deviation: Floats) -> Floats:
+    """Return minus the penalty for prior deviations (s, p), shape (s,) [nats]."""
+    ratio = np.eye(len(gram)) + deviation[:, :, None] * gram * deviation[:, None, :]
+    spread = np.sum(distance / deviation**2, axis=1)
+    return np.asarray(-0.5 * (spread + np.linalg.slogdet(ratio)[1]), dtype=np.float64)
 
 
 def occam(gram: Floats) -> float:

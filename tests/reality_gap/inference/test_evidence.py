@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -110,6 +112,36 @@ def test_the_order_of_causes_and_parameters_does_not_matter() -> None:
     there = complexity(gram[np.ix_(turn, turn)], theta[turn], renamed[turn], flat[turn])
 
     assert there == pytest.approx(complexity(gram, theta, cause, flat), rel=1e-9)
+
+
+def averaged(gram: Floats, theta: Floats, cause: NDArray[np.int64]) -> float:
+    """Return the penalty as an average over all combinations of sizes [nats]."""
+    found = []
+    for sizes in product(SIZES, repeat=int(cause.max()) + 1):
+        deviation = np.array(sizes)[cause]
+        ratio = np.eye(len(theta)) + deviation[:, None] * gram * deviation
+        distance = float(np.sum((theta / deviation) ** 2))
+        found.append(-0.5 * (distance + float(np.linalg.slogdet(ratio)[1])))
+    return float(np.log(len(found)) - np.logaddexp.reduce(found))
+
+
+@pytest.mark.parametrize("shared", [0.0, 1.0, 30.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_penalty_of_several_causes_is_the_average_over_their_sizes(
+    seed: int, shared: float
+) -> None:
+    """Also where columns are alike, and where readings hardly show some of them."""
+    rng = np.random.default_rng(seed)
+    cause = np.repeat(np.arange(4), rng.integers(1, 4, 4))
+    p = len(cause)
+    columns = rng.standard_normal((30, p)) + shared * rng.standard_normal((30, 1))
+    columns *= 10.0 ** rng.uniform(-2.0, 2.0, p)
+    theta = rng.standard_normal(p) * 10.0 ** rng.uniform(-1.0, 1.5, p)
+    gram = columns.T @ columns
+
+    found = complexity(gram, theta, cause, np.zeros(p, dtype=np.bool_))
+
+    assert found == pytest.approx(averaged(gram, theta, cause), abs=0.1)
 
 
 @pytest.mark.parametrize("seed", range(5))
