@@ -12,7 +12,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
+from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR, MIRRORED
 from reality_gap.study.system import System
 
 USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 3e-3
@@ -46,7 +46,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
         least = shared_amounts.least(system, location, system.model.dof_frictionloss)
         tolerance = typical_scales.force_tolerance(system, location) / least
-        return (Parameter(EXCESS, "1", 0.2, tolerance, -BEYOND, 20.0),)
+        return (Parameter(EXCESS, "1", 0.2, tolerance, -BEYOND, 20.0, hints=MIRRORED),)
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))
@@ -68,7 +68,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         if low < 0.0:  # where a joint of the model sticks, a little less friction does nothing
             secants += elements.secants(system, location, (-0.4 * nominal, -0.8 * nominal))
         sizes = (0.02 * size, tolerance, low, max(2.0 * size, ABOVE * nominal))
-        friction = Parameter("friction", unit, *sizes, hints=SearchHints(secants=secants))
+        hints = SearchHints(secants=secants, mirror=-nominal if low < 0.0 else None)
+        friction = Parameter("friction", unit, *sizes, hints=hints)
     creep = () if location.note == BEFORE else lugre.creep_parameters(system, location)
     return (friction, *lugre.presliding_parameters(system, location), *creep)
 

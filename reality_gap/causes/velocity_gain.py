@@ -10,7 +10,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import drives
-from reality_gap.causes.support.shared_amounts import BEYOND
+from reality_gap.causes.support.shared_amounts import BEYOND, MIRRORED
 from reality_gap.study.system import System
 
 
@@ -19,7 +19,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.1, 0.012, -BEYOND, 9.0),)
+    return (Parameter("excess", "1", 0.1, 0.012, -BEYOND, 9.0, hints=MIRRORED),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, shared_amounts, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
+from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR, MIRRORED
 from reality_gap.study.system import System
 
 NOMINAL_ERROR = 0.04
@@ -22,20 +21,24 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
-        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0),)
+        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0, hints=MIRRORED),)
     if location.kind == "tendon":
         force = typical_scales.tendon_force(system, location)
         size = force / typical_scales.tendon_speed(system)
         ids = [system.model.tendon(name).id for name in location.elements]
-        low = -BEYOND * float(np.min(system.model.tendon_damping[ids]))
-        return (Parameter("damping", "N s/m", 0.02 * size, 0.0015 * size, low, 5.0 * size),)
+        present = system.model.tendon_damping[ids]
+        least = float(present.min())
+        hints = SearchHints(mirror=-least if least == present.max() else None)
+        sizes = (0.02 * size, 0.0015 * size, -BEYOND * least, 5.0 * size)
+        return (Parameter("damping", "N s/m", *sizes, hints=hints),)
     unit, size = min(
         typical_scales.joint_damping(system, Location("joint", (name,)))
         for name in location.elements
     )
     nominal = shared_amounts.least(system, location, system.model.dof_damping)
     tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
-    return (Parameter("damping", unit, 0.02 * size, tolerance, -BEYOND * nominal, 2.0 * size),)
+    sizes = (0.02 * size, tolerance, -BEYOND * nominal, 2.0 * size)
+    return (Parameter("damping", unit, *sizes, hints=SearchHints(mirror=-nominal)),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -84,7 +84,7 @@ def complexity(gram: Floats, theta: Floats, cause: Ints, flat: Bools) -> float:
             trials = np.repeat(deviation[None], len(SIZES), axis=0)
             trials[:, members] = np.array(SIZES)[:, None]
             logs = _log_density(gram, distance, trials)
-            averages.append(float(np.logaddexp.reduce(logs)) - np.log(len(SIZES)))
+            averages.append(float(np.logaddexp.reduce(logs) - np.log(len(SIZES))))
             if logs.max() > best:
                 best, deviation = float(logs.max()), trials[np.argmax(logs)]
     return -best - sum(average - best for average in averages)

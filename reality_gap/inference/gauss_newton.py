@@ -26,6 +26,7 @@ from reality_gap.inference.theta import (
     is_tolerable,
     prior_weights,
     theta_bounds,
+    theta_mirrors,
     to_theta,
     with_theta,
 )
@@ -198,11 +199,14 @@ class Objective:
     def __init__(self, problem: Problem, hypothesis: Hypothesis) -> None:
         self._hypothesis, self._whiten = hypothesis, problem.noise_model.whiten
         self._weights = prior_weights(hypothesis)
-        self.low, self.high = theta_bounds([p for _, p in free_parameters(hypothesis)])
+        parameters = [p for _, p in free_parameters(hypothesis)]
+        self.low, self.high = theta_bounds(parameters)
+        self._mirror = theta_mirrors(parameters)
 
     def clip(self, theta: Floats) -> Floats:
-        """Clip theta (p,) to its bounds."""
-        return np.clip(theta, self.low, self.high)
+        """Clip theta (p,) to its bounds, and reflect what is beyond the absence of a property."""
+        theta = np.clip(theta, self.low, self.high)
+        return np.where(theta < self._mirror, 2.0 * self._mirror - theta, theta)
 
     def cost(self, point: Point) -> float:
         """Return half the squares of the whitened residual and of the weighted theta [nats]."""
@@ -237,7 +241,7 @@ class Objective:
             return None
         before = self.cost(point)
         for share in (1.0, 0.25):
-            theta = point.theta + share * step
+            theta = self.clip(point.theta + share * step)
             [residual] = yield [with_theta(self._hypothesis, theta)]
             moved = Point(theta, residual)
             if _is_finite(residual) and self.cost(moved) < before:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reality_gap.causes.base import Location, Values
+from reality_gap.causes.base import Location, SearchHints, Values
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -19,6 +19,8 @@ EXCESS = "excess"
 BEYOND = 1.2
 """Largest amount that is taken away, over what there is. Beyond 1 the rest is reflected at zero, so
 that a fit of a property that is absent ends there, and not at a bound."""
+MIRRORED = SearchHints(mirror=-1.0)
+"""Hints of a relative amount that is reflected at zero."""
 
 
 def all_joints(system: System, nominal: Floats) -> tuple[Location, ...]:
