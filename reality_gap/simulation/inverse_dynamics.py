@@ -18,7 +18,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Effects, Hook, Record
+from reality_gap.causes.base import Effects, Hook, Location, Record
+from reality_gap.causes.support.typical_scales import joint_force, joint_speed
 from reality_gap.errors import StudyError
 from reality_gap.simulation.effort_filter import independent_samples, roll_off
 from reality_gap.simulation.hypothesis import Plant
@@ -35,8 +36,9 @@ from reality_gap.simulation.prepared_episode import (
     weighted_episodes,
 )
 from reality_gap.simulation.replay import Replay
-from reality_gap.study.data import Channel, Episode, Study
+from reality_gap.study.data import Channel, Episode, JointUse, Study
 from reality_gap.study.measurements import Measured, channel_noise
+from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 
 FRICTION_RATE = 1e6
@@ -60,8 +62,8 @@ def prepare(study: Study) -> Study:
 
     Returns:
         The study with its efforts only, filtered and thinned to two samples per period of the
-        cutoff, with accordingly reduced noise and with the motion of each episode. Efforts of
-        joints that stand still are left out.
+        cutoff, with accordingly reduced noise, with the motion of each episode and with how each
+        joint is used. Efforts of joints that stand still are left out.
 
     Raises:
         StudyError: a joint of the model is not measured, a log is too short, or no joint moves.
@@ -102,7 +104,24 @@ def prepare(study: Study) -> Study:
         replace(study.channels[c], noise=float(size))
         for c, size in zip(efforts, sizes, strict=True)
     )
-    return replace(study, channels=channels, episodes=tuple(episodes))
+    prepared = replace(study, channels=channels, episodes=tuple(episodes))
+    return replace(prepared, uses=_uses(prepared, np.vstack([m.qvel for m in motions])))
+
+
+def _uses(study: Study, velocity: Floats) -> dict[str, JointUse]:
+    """Return how each joint is used in a prepared study, whose readings have no positions.
+
+    Args:
+        study: the prepared study.
+        velocity: of each degree of freedom, shape (k, nv).
+    """
+    system, found = compile_system(study), {}
+    for joint in system.joints:
+        at = Location("joint", (joint,))
+        own = velocity[:, int(system.model.joint(joint).dofadr[0])]
+        speed = float(np.sqrt(np.mean(own**2))) or joint_speed(system, at)
+        found[joint] = JointUse(speed, joint_force(system, at)[1])
+    return found
 
 
 def _noise(

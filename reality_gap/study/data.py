@@ -138,7 +138,7 @@ class Study:
         initial: initial state of each episode.
         absolute_encoders: whether encoders of tendons read lengths; by default they read the
             difference to the nominal length at the model's ``qpos0``, where they are zeroed.
-        uses: of joints by name, in a study whose readings were left out.
+        uses: of joints by name, in a study whose readings were left out or have no positions.
     """
 
     name: str

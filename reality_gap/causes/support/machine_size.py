@@ -81,8 +81,14 @@ def dof(system: System, joint: str) -> int:
     return int(system.model.joint(joint).dofadr[0])
 
 
-def end_force(system: System, body: str) -> float:
-    """Return the force at a body's centre of mass that is typical for the weakest joint [N]."""
+def end_force(system: System, body: str, load: Floats) -> float:
+    """Return the force at a body's centre of mass that is typical for the weakest joint [N].
+
+    Args:
+        system: the machine.
+        body: name of the body.
+        load: typical force of each degree of freedom, shape (nv,) [N m or N].
+    """
     model, size = system.model, machine_size(system)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -90,12 +96,12 @@ def end_force(system: System, body: str) -> float:
     while at:
         first = int(model.body_jntadr[at])
         for j in range(first, first + int(model.body_jntnum[at])):
-            load = float(size.load[model.jnt_dofadr[j]])
+            own = float(load[model.jnt_dofadr[j]])
             if int(model.jnt_type[j]) == _HINGE:
                 distance = float(np.linalg.norm(point - data.xanchor[j]))
-                forces.append(load / max(distance, NEAR * size.link))
+                forces.append(own / max(distance, NEAR * size.link))
             elif int(model.jnt_type[j]) == _SLIDE:
-                forces.append(load)
+                forces.append(own)
         at = int(model.body_parentid[at])
     return min(forces, default=weight(model, float(model.body_mass.sum())))
 

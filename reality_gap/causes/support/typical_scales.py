@@ -1,7 +1,7 @@
 """Typical scales of forces, velocities and positions, from which causes derive their parameters.
 
 What the log measures comes first; what it does not measure comes from the model, see
-`reality_gap.causes.support.machine_size`.
+`reality_gap.causes.support.machine_size` and `reality_gap.causes.support.shown_forces`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, machine_size
+from reality_gap.causes.support.shown_forces import typical_loads
 from reality_gap.study.data import Channel, Reading
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -48,8 +49,7 @@ def joint_force(system: System, location: Location) -> tuple[str, float]:
     if use := system.study.uses.get(joint):
         return unit, use.force
     size = max((float(np.sqrt(np.mean(e**2))) for e in _efforts(system, joint)), default=0.0)
-    load = float(machine_size.machine_size(system).load[machine_size.dof(system, joint)])
-    return unit, size or load
+    return unit, size or float(typical_loads(system)[machine_size.dof(system, joint)])
 
 
 def force_tolerance(system: System, location: Location) -> float:
@@ -89,7 +89,8 @@ def _rated_force(system: System, joint: str) -> float:
         if slides(system, name) == slides(system, joint)
     }
     used = max(measured[joint], WEAKEST * max(measured.values()))
-    return float(size.rated[at]) or RATED * used or float(size.load[at]) / machine_size.MOTOR
+    typical = float(typical_loads(system)[at])
+    return float(size.rated[at]) or RATED * used or typical / machine_size.MOTOR
 
 
 def weakest_force(system: System, location: Location) -> tuple[str, float]:
@@ -146,7 +147,7 @@ def actuator_force(system: System, location: Location) -> tuple[str, float]:
         return "N", machine_size.TENSION * limit if limit else _load(system, target) / gear
     if kind in actuators.JOINT_TRANSMISSIONS:
         joint = model.joint(target).name
-        load = float(size.load[model.jnt_dofadr[target]]) / gear
+        load = float(typical_loads(system)[model.jnt_dofadr[target]]) / gear
         load = min(load, machine_size.MOTOR * limit) if limit else load
         return ("N" if joint and slides(system, joint) else "N m"), load
     return "N m", machine_size.MOTOR * limit if limit else 1.0
@@ -165,10 +166,9 @@ def tendon_force(system: System, location: Location) -> float:
 
 def _load(system: System, tendon: int) -> float:
     """Return the force of a tendon that exerts the typical force of one of its joints [N]."""
-    size = machine_size.machine_size(system)
-    arms = size.arms[tendon]
+    arms = machine_size.machine_size(system).arms[tendon]
     on = arms > SMALL * arms.max(initial=0.0)
-    return float(np.max(size.load[on] / arms[on], initial=0.0)) or 1.0
+    return float(np.max(typical_loads(system)[on] / arms[on], initial=0.0)) or 1.0
 
 
 def tendon_travel(system: System) -> float:
@@ -214,7 +214,7 @@ def link_size(system: System) -> float:
 
 def end_force(system: System, body: str) -> float:
     """Return a typical force on a body [N]; see `machine_size.end_force`."""
-    return machine_size.end_force(system, body)
+    return machine_size.end_force(system, body, typical_loads(system))
 
 
 def slides(system: System, joint: str) -> bool:

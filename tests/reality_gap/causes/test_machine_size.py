@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 from reality_gap.causes import CATALOGUE, find_cause
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.causes.support import machine_size
-from reality_gap.study.system import System
+from reality_gap.study.data import Channel, Episode, Reading
+from reality_gap.study.system import System, compile_system
 from tests.reality_gap.causes.plants import system_of
 
 ARM = """
@@ -27,6 +29,19 @@ ARM = """
   <actuator>{motor}</actuator>
   <sensor><framepos name="seen" objtype="site" objname="tip" reftype="camera" refname="eye"/>
   </sensor>
+</mujoco>
+"""
+CABLE = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="jaw" axis="0 0 1" range="-60 60" limited="true"/>
+      <geom type="capsule" fromto="0 0 0 0.01 0 0" size="0.002" mass="0.001"/>
+    </body>
+  </worldbody>
+  <tendon><fixed name="cable"><joint joint="jaw" coef="-0.005"/></fixed></tendon>
+  <actuator><position name="spindle" tendon="cable" kp="2e5"/></actuator>
+  <sensor><actuatorfrc name="tension" actuator="spindle"/></sensor>
 </mujoco>
 """
 LIMITED = '<motor name="motor" joint="shoulder" forcelimited="true" forcerange="-{0} {0}"/>'
@@ -100,6 +115,62 @@ def test_without_gravity_inertia_is_the_scale(tmp_path: Path) -> None:
     )
 
     assert heavy.scale == pytest.approx(10 * light.scale, rel=1e-3)
+
+
+PLAIN = '<motor name="motor" joint="shoulder" gear="2"/>'
+
+
+def with_log(system: System, command: float, channel: Channel | None, value: float) -> System:
+    """The system with a log of a constant command and of constant readings of one channel."""
+    time = np.linspace(0.0, 1.0, 11)
+    readings = () if channel is None else (Reading(time, np.full(11, value)),)
+    episode = Episode("log", time, np.full((11, 1), command), readings)
+    channels = () if channel is None else (channel,)
+    return compile_system(replace(system.study, channels=channels, episodes=(episode,)))
+
+
+@pytest.mark.parametrize(
+    ("command", "sensor", "value"),
+    [(0.25, "", 0.0), (0.0, "actuatorfrc", -0.25), (0.0, "jointactuatorfrc", 0.5)],
+)
+def test_a_light_link_that_carries_a_load_has_the_scale_of_the_load(
+    tmp_path: Path, command: float, sensor: str, value: float
+) -> None:
+    """Gravity on the link is 0.006 N m; the motor was commanded, or shown to exert, 0.5 N m."""
+    text = arm(tmp_path, 0.06, 0.02, PLAIN).study.model.read_text()
+    at = 'actuator="motor"' if sensor == "actuatorfrc" else 'joint="shoulder"'
+    if sensor:
+        text = text.replace("<sensor>", f'<sensor><{sensor} name="force" {at}/>')
+    path = tmp_path / "loaded.xml"
+    path.write_text(text)
+    channel = Channel("force", "force", noise=0.01) if sensor else None
+
+    found = friction(with_log(system_of(path), command, channel, value))
+
+    assert found.scale == pytest.approx(0.02 * 0.5, rel=1e-6)
+    assert found.high > 0.5
+
+
+def test_a_limit_of_a_motor_is_the_scale_whatever_the_log_shows(tmp_path: Path) -> None:
+    limited = arm(tmp_path, 0.06, 0.02, LIMITED.format(0.1))
+
+    assert friction(with_log(limited, 0.09, None, 0.0)) == friction(limited)
+
+
+def test_the_tension_of_a_tendon_is_the_scale_of_its_friction_and_of_its_joint(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "cable.xml"
+    path.write_text(CABLE)
+    tension = Channel("tension", "tension", noise=0.1)
+
+    system = with_log(system_of(path), 0.0, tension, 40.0)
+    cause = find_cause("coulomb_friction")
+    of_joint = cause.parameters(system, Location("joint", ("jaw",)))[0]
+    of_tendon = cause.parameters(system, Location("tendon", ("cable",)))[0]
+
+    assert of_joint.scale == pytest.approx(0.02 * 0.005 * 40.0, rel=1e-6)
+    assert of_tendon.scale == pytest.approx(0.03 * 40.0, rel=1e-6)
 
 
 def test_the_elbow_has_the_scales_that_thresholds_were_set_with(elbow: System) -> None:

@@ -129,6 +129,21 @@ def test_the_actual_machine_explains_its_torques_but_its_model_does_not(
     assert np.all(errors(study, Plant(study.spec(), Effects())) > 0.10)
 
 
+def test_speeds_and_forces_of_joints_are_those_of_the_log(
+    study: Study, log: tuple[Floats, Floats, Floats]
+) -> None:
+    """The positions are no readings of the prepared study; half a range a second is no speed."""
+    time_, angle, torque = log
+    speed = np.sqrt(np.mean(np.gradient(angle, time_, axis=0) ** 2, axis=0))
+    force = np.sqrt(np.mean(torque**2, axis=0))
+
+    uses = prepare(study).uses
+
+    for k, joint in enumerate(("shoulder", "elbow")):
+        assert uses[joint].speed == pytest.approx(speed[k], rel=0.1)
+        assert uses[joint].force == pytest.approx(force[k], rel=0.15)
+
+
 def test_what_hooks_apply_needs_no_effort(study: Study) -> None:
     def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qfrc_applied[0] += 1.5
