@@ -29,7 +29,7 @@ from reality_gap.causes.support.new_elements import add_tendon
 from reality_gap.inference.gauss_newton import Fit, fit_stepwise, run_together
 from reality_gap.inference.motion_functions import moving_joints
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.settling import settle
+from reality_gap.inference.settling import settle, variance_left
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.system import System
 
@@ -45,6 +45,9 @@ UPPER, LOWER = "upper end", "lower end"
 """Notes of the location of a stop."""
 MORE = 5.0
 """Evidence by which a stop must be better than a cause to refute it [nats]."""
+SHARE = 0.5
+"""Share of the variance that a stop leaves at most where a model is wrong by many noises. One that
+leaves more of it is not what is wrong there, however much it explains."""
 
 
 class Stop(NamedTuple):
@@ -102,6 +105,10 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     found, other = evidence[True], evidence.get(False, settled.base)
     chosen = np.log(len(starts) / (len(POSITIONS) * len(STIFF)))
     gain = found.evidence - float(chosen) - other.evidence
+    if settled.problem.noise_model.is_far:
+        before, after = (variance_left(problem.widened(f.residual)) for f in (rest, found))
+        if after > SHARE * before:
+            return None
     cause = None if best is None else best.candidates[-1]
     return Stop(cause, _description(found), gain) if gain > MORE else None
 

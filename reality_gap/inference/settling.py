@@ -69,7 +69,8 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
         fits = [fit_stepwise(one, f.hypothesis, f.jacobian) for one, f in pairs]
         first = tuple(run_together(problem.replayer, fits))
         own = [bare.widened(f.residual) for f in first]
-        if all(_left(a) > STABLE * _left(b) for a, b in zip(own, before, strict=True)):
+        left = [[variance_left(one) for one in some] for some in (before, own)]
+        if all(new > STABLE * old for old, new in zip(*left, strict=True)):
             break
     first = _without_needless(own, first)
     ordered = sorted((profile(bare, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
@@ -95,8 +96,12 @@ def _without_needless(problems: Sequence[Problem], fits: Sequence[Fit]) -> tuple
     return tuple(found)
 
 
-def _left(problem: Problem) -> float:
-    """Return the mean variance of a noise model."""
+def variance_left(problem: Problem) -> float:
+    """Return the mean variance of what neither causes nor tolerances explain [noise^2].
+
+    Args:
+        problem: widened by what the causes leave.
+    """
     return float(np.mean(problem.noise_model.variance))
 
 

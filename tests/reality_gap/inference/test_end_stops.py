@@ -128,3 +128,20 @@ def test_a_spring_is_no_stop(tmp_path: Path) -> None:
     assert found.verdict is Verdict.NAMED
     assert [one.candidate.cause.id for one in found.causes] == ["joint_stiffness"]
     assert not [one for one in found.criteria if one.name == "gain_of_stop"]
+
+
+def test_a_stop_that_leaves_most_of_the_error_stops_nothing(tmp_path: Path) -> None:
+    """The links are heavier, which none of these causes explains, nor does a stop."""
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            geom.density *= 3.0
+        spec.joint("shoulder").damping[0] += 2.0
+        spec.joint("elbow").frictionloss = 0.5
+        spec.joint("elbow").stiffness[0] = 2.0
+
+    found = diagnosis(tmp_path, edit)
+
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert "stop" not in found.sentence
+    assert not [one for one in found.criteria if one.name == "gain_of_stop"]
