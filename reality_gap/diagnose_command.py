@@ -89,7 +89,7 @@ class Diagnose:
     """Ids of the causes to consider, as the command causes lists them; by default all."""
     without: tuple[str, ...] = ()
     """Ids of causes to leave out."""
-    depth: int = 5
+    depth: int = 10
     """Largest number of causes that the search adds."""
     thresholds: Thresholds = Thresholds()
 

@@ -61,7 +61,7 @@ class Settings:
     further: float = 8.0
     root: float = 0.5
     weak: float = 3.0
-    most: int = 5
+    most: int = 10
     nonlinear: float = 0.005
 
     def for_log(self, seconds: float) -> Settings:
