@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.end_stops import Stop, refuting_stop
 from reality_gap.inference.gauss_newton import (
     Fit,
+    Stepwise,
     fit,
     fit_stepwise,
     null_fit,
@@ -22,12 +25,15 @@ from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity, screen
 from reality_gap.inference.settling import Settled, settle, whitened_power
 from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.types import Floats
 
 LONG = 20.0
 """Length of a log from which on the errors of nearly right causes add up [s]."""
 CLOSE = 1.0
 """Candidates whose evidence is lower than the best by at most so many times its square root are
 fitted fully [nats]."""
+CLOSEST = 2
+"""How many candidates that were nearly the likeliest are tried in the place of two causes."""
 SWAP = 1.0
 """Evidence by which another candidate must be better to replace an earlier cause [nats]."""
 
@@ -267,14 +273,49 @@ def _anticipate(
     return plain.inflated(base.residual - likely.columns @ theta)
 
 
+def _one_for_two(result: Search, settings: Settings) -> Fit:
+    """Return the best causes, or fewer of them that are as likely but for what a cause must add.
+
+    In the place of a cause and of another one comes a candidate that was nearly as likely as the
+    first one when it was chosen.
+    """
+    problem, best, quick = result.problem, result.best, list[Stepwise[Fit]]()
+    known = list(zip(best.hypothesis, _columns(best), strict=True))
+    for step in result.steps:
+        chosen, *others = step.tried
+        least = chosen.evidence - CLOSE * max(chosen.evidence, 0.0) ** 0.5
+        rest = [one for one in known if not chosen.candidates[-1].matches(one[0][0])]
+        for other in [f for f in others if f.evidence > least][:CLOSEST]:
+            last, columns = other.hypothesis[-1], _columns(other)[-1]
+            if len(rest) == len(known) or any(last[0].matches(part[0]) for part, _ in rest):
+                continue
+            for left in range(len(rest)):
+                kept = [*rest[:left], *rest[left + 1 :], (last, columns)]
+                slopes = np.hstack([own for _, own in kept])
+                quick.append(fit_stepwise(problem, [part for part, _ in kept], slopes, False))
+    if not quick:
+        return best
+    likeliest = max(run_together(problem.replayer, quick), key=lambda f: f.evidence)
+    full = [fit_stepwise(problem, likeliest.hypothesis, likeliest.jacobian)]
+    [fewer] = run_together(problem.replayer, full)
+    return fewer if fewer.evidence > best.evidence - settings.further else best
+
+
+def _columns(fitted: Fit) -> list[Floats]:
+    """Return the columns of a fit's jacobian by candidate, shape (n, p) each."""
+    ends = np.cumsum([len(candidate.parameters) for candidate in fitted.candidates])
+    return np.split(fitted.jacobian, ends[:-1], axis=1)
+
+
 def revise(result: Search, settings: Settings) -> Search:
     """Drop or replace causes that the later causes made unnecessary.
 
-    The first cause of two was chosen when it had to explain a part of the effect of the other.
+    The first cause of two was chosen when it had to explain a part of the effect of the other. Or
+    it stands for a cause that was nearly as likely, and a later one for the difference.
     """
-    problem, best = result.problem, result.best
-    if len(best.hypothesis) <= 1:
+    if len(result.best.hypothesis) <= 1:
         return result
+    problem, best = result.problem, _one_for_two(result, settings)
     for candidate in best.candidates:
         rest: Hypothesis = [part for part in best.hypothesis if not part[0].matches(candidate)]
         if result.step_beside(rest) is not None:

@@ -262,3 +262,25 @@ def test_the_selection_score_is_that_of_a_fit_to_the_fit_split(tmp_path: Path, s
     expected = 0.5 * np.sum(case.null[out] ** 2 - left[out] ** 2)
     assert found == pytest.approx(expected, abs=0.01)
     assert (found > 5.0) == (size > 0)
+
+
+def test_one_cause_takes_the_place_of_two_that_make_up_for_it(tmp_path: Path) -> None:
+    """Nearly the right cause also explains a part of another one, and comes first.
+
+    Beside that other one it is wrong, and a third one would make up for the difference. Beside the
+    right one, the third one is within its tolerance.
+    """
+    usual = candidate("right", SHAPES[:, 0])
+    right = replace(usual, cause=replace(usual.cause, prior=lambda location: -3.0))
+    nearly = candidate("nearly", SHAPES[:, 0] + 0.25 * SHAPES[:, 1])
+    other = candidate("other", SHAPES[:, 2] + 0.25 * SHAPES[:, 1])
+    plain = candidate("third", SHAPES[:, 1])
+    third = replace(plain, parameters=(replace(plain.parameters[0], tolerance=0.1),))
+    error = SHAPES[:, 0] + 0.6 * (SHAPES[:, 2] + 0.25 * SHAPES[:, 1])
+    case = Case(tmp_path, error, [right, nearly, other, third])
+
+    found = case.search()
+
+    assert ids(found.steps[0].tried[0])[0] == "nearly"
+    assert [step.accepted for step in found.steps] == [True, True, True]
+    assert sorted(ids(found.best)) == ["other", "right"]
