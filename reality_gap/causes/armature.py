@@ -10,7 +10,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, shared_amounts, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR, MIRRORED
+from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
 NOMINAL_ERROR = 0.03
@@ -28,13 +28,13 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
-        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0, hints=MIRRORED),)
+        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -1.0, 20.0, hints=REDUCIBLE),)
     nominal = shared_amounts.least(system, location, system.model.dof_armature)
     size = min(typical_scales.joint_inertia(system, name) for name in location.elements)
     unit = "kg" if typical_scales.slides(system, location.elements[0]) else "kg m^2"
     tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
-    sizes = (0.1 * size, tolerance, -BEYOND * nominal, 20.0 * size)
-    hints = SearchHints(secants=(size,), mirror=-nominal)
+    sizes = (0.1 * size, tolerance, -nominal, 20.0 * size)
+    hints = SearchHints(secants=(size,), absence=True)
     return (Parameter("inertia", unit, *sizes, hints=hints),)
 
 

@@ -75,8 +75,8 @@ class SearchHints:
         period: for the period of an event that repeats, where its times are counted from: the start
             of the "study" or of each "episode". Only those starts are screened at which the data
             repeat most; starts of other times belong to the largest period and scale with it.
-        mirror: value at which all of a property is taken away; values below it act like their
-            mirror images above it. None if there are no such values.
+        absence: whether all of a property is taken away at ``low``; a fit that ends there is as
+            good as any other.
     """
 
     starts: tuple[float, ...] = ()
@@ -86,7 +86,7 @@ class SearchHints:
     shape: bool = False
     screened: tuple[float, ...] = ()
     period: Literal["study", "episode"] | None = None
-    mirror: float | None = None
+    absence: bool = False
 
 
 @dataclass(frozen=True)

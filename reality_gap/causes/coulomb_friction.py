@@ -12,7 +12,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR, MIRRORED
+from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
 USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 3e-3
@@ -46,7 +46,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
         least = shared_amounts.least(system, location, system.model.dof_frictionloss)
         tolerance = typical_scales.force_tolerance(system, location) / least
-        return (Parameter(EXCESS, "1", 0.2, tolerance, -BEYOND, 20.0, hints=MIRRORED),)
+        return (Parameter(EXCESS, "1", 0.2, tolerance, -1.0, 20.0, hints=REDUCIBLE),)
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))
@@ -63,12 +63,12 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         unit, size = typical_scales.weakest_force(system, location)
         nominal = shared_amounts.least(system, location, system.model.dof_frictionloss)
         tolerance = typical_scales.force_tolerance(system, location)
-        low = 0.0 if location.note == BEFORE else -BEYOND * nominal
+        low = 0.0 if location.note == BEFORE else -nominal
         secants = elements.secants(system, location, (0.1 * size, 0.4 * size))
         if low < 0.0:  # where a joint of the model sticks, a little less friction does nothing
             secants += elements.secants(system, location, (-0.4 * nominal, -0.8 * nominal))
         sizes = (0.02 * size, tolerance, low, max(2.0 * size, ABOVE * nominal))
-        hints = SearchHints(secants=secants, mirror=-nominal if low < 0.0 else None)
+        hints = SearchHints(secants=secants, absence=low < 0.0)
         friction = Parameter("friction", unit, *sizes, hints=hints)
     creep = () if location.note == BEFORE else lugre.creep_parameters(system, location)
     return (friction, *lugre.presliding_parameters(system, location), *creep)

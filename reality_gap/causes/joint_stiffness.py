@@ -11,7 +11,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, encoders, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, MIRRORED
+from reality_gap.causes.support.shared_amounts import REDUCIBLE
 from reality_gap.study.system import System
 
 FAR = (0.3, 1.0)
@@ -32,7 +32,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == NOMINAL:
-        return (Parameter("excess", "1", 0.2, 0.02, -BEYOND, 20.0, hints=MIRRORED),)
+        return (Parameter("excess", "1", 0.2, 0.02, -1.0, 20.0, hints=REDUCIBLE),)
     model, joint = system.model, system.model.joint(location.elements[0])
     force, size = typical_scales.joint_force(system, location)
     unit, travel = typical_scales.joint_travel(system, location)
@@ -73,7 +73,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     if location.note == NOMINAL:
         for name in location.elements:
             joint = spec.joint(name)
-            joint.stiffness = joint.stiffness * abs(1 + values["excess"])
+            joint.stiffness = joint.stiffness * (1 + values["excess"])
         return
     added = values["stiffness"]
     if not added:

@@ -10,7 +10,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import drives
-from reality_gap.causes.support.shared_amounts import BEYOND, MIRRORED
+from reality_gap.causes.support.shared_amounts import REDUCIBLE
 from reality_gap.study.system import System
 
 
@@ -19,13 +19,13 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.1, 0.012, -BEYOND, 9.0, hints=MIRRORED),)
+    return (Parameter("excess", "1", 0.1, 0.012, -1.0, 9.0, hints=REDUCIBLE),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for name in location.elements:
         actuator = spec.actuator(name)
-        actuator.biasprm[2] *= abs(1 + values["excess"])
+        actuator.biasprm[2] *= 1 + values["excess"]
 
 
 CAUSE = Cause(

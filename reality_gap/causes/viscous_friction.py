@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import elements, shared_amounts, typical_scales
-from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR, MIRRORED
+from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
 NOMINAL_ERROR = 0.04
@@ -21,31 +22,29 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
-        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0, hints=MIRRORED),)
+        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -1.0, 20.0, hints=REDUCIBLE),)
     if location.kind == "tendon":
         force = typical_scales.tendon_force(system, location)
         size = force / typical_scales.tendon_speed(system)
         ids = [system.model.tendon(name).id for name in location.elements]
-        present = system.model.tendon_damping[ids]
-        least = float(present.min())
-        hints = SearchHints(mirror=-least if least == present.max() else None)
-        sizes = (0.02 * size, 0.0015 * size, -BEYOND * least, 5.0 * size)
-        return (Parameter("damping", "N s/m", *sizes, hints=hints),)
+        low = -float(np.min(system.model.tendon_damping[ids]))
+        sizes = (0.02 * size, 0.0015 * size, low, 5.0 * size)
+        return (Parameter("damping", "N s/m", *sizes, hints=REDUCIBLE),)
     unit, size = min(
         typical_scales.joint_damping(system, Location("joint", (name,)))
         for name in location.elements
     )
     nominal = shared_amounts.least(system, location, system.model.dof_damping)
     tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
-    sizes = (0.02 * size, tolerance, -BEYOND * nominal, 2.0 * size)
-    return (Parameter("damping", unit, *sizes, hints=SearchHints(mirror=-nominal)),)
+    sizes = (0.02 * size, tolerance, -nominal, 2.0 * size)
+    return (Parameter("damping", unit, *sizes, hints=REDUCIBLE),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if location.kind == "tendon":
         for name in location.elements:
             tendon = spec.tendon(name)
-            tendon.damping[0] = abs(tendon.damping[0] + values["damping"])
+            tendon.damping[0] = max(tendon.damping[0] + values["damping"], 0.0)
         return
     nominal = system.model.dof_damping
     added = shared_amounts.amounts(system, location, nominal, "damping", values)

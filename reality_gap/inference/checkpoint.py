@@ -74,7 +74,7 @@ def digest(study: Study, candidates: Sequence[Candidate]) -> str:
     buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     found.update(buffer.tobytes())
-    found.update(repr((study.channels, study.initial)).encode())
+    found.update(repr((study.channels, study.initial, sorted(study.uses.items()))).encode())
     for episode in study.episodes:
         begin = sorted(episode.joints.items()), sorted(episode.states.items())
         found.update(repr((episode.name, *begin)).encode())

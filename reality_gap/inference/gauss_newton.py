@@ -26,7 +26,6 @@ from reality_gap.inference.theta import (
     is_tolerable,
     prior_weights,
     theta_bounds,
-    theta_mirrors,
     to_theta,
     with_theta,
 )
@@ -199,14 +198,11 @@ class Objective:
     def __init__(self, problem: Problem, hypothesis: Hypothesis) -> None:
         self._hypothesis, self._whiten = hypothesis, problem.noise_model.whiten
         self._weights = prior_weights(hypothesis)
-        parameters = [p for _, p in free_parameters(hypothesis)]
-        self.low, self.high = theta_bounds(parameters)
-        self._mirror = theta_mirrors(parameters)
+        self.low, self.high = theta_bounds([p for _, p in free_parameters(hypothesis)])
 
     def clip(self, theta: Floats) -> Floats:
-        """Clip theta (p,) to its bounds, and reflect what is beyond the absence of a property."""
-        theta = np.clip(theta, self.low, self.high)
-        return np.where(theta < self._mirror, 2.0 * self._mirror - theta, theta)
+        """Clip theta (p,) to its bounds."""
+        return np.clip(theta, self.low, self.high)
 
     def cost(self, point: Point) -> float:
         """Return half the squares of the whitened residual and of the weighted theta [nats]."""
@@ -241,7 +237,7 @@ class Objective:
             return None
         before = self.cost(point)
         for share in (1.0, 0.25):
-            theta = self.clip(point.theta + share * step)
+            theta = point.theta + share * step
             [residual] = yield [with_theta(self._hypothesis, theta)]
             moved = Point(theta, residual)
             if _is_finite(residual) and self.cost(moved) < before:

@@ -50,16 +50,6 @@ def theta_bounds(parameters: Sequence[Parameter]) -> tuple[Floats, Floats]:
     return low, high
 
 
-def theta_mirrors(parameters: Sequence[Parameter]) -> Floats:
-    """Return theta at the `SearchHints.mirror` of each parameter, shape (p,); -inf without one."""
-    return np.array(
-        [
-            -np.inf if p.hints.mirror is None else (p.hints.mirror - p.null) / p.scale
-            for p in parameters
-        ]
-    )
-
-
 def prior_weights(hypothesis: Hypothesis) -> Floats:
     """Return 1 / prior deviation of theta, shape (p,); 0 for a flat prior (one with starts).
 

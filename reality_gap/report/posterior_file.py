@@ -4,7 +4,7 @@ Keys of the file, with all numbers in SI units:
 
     model                 name of the file of the nominal model, nominal.xml
     study                 name, duration [s], settle [s], absolute_encoders, channels: sensor and
-                          kind of each, and uses: speed and force of each joint (`JointUse`)
+                          kind of each, and uses: speed, force and travel of each joint (`JointUse`)
     usual                 effects of all machines: candidates as below
     branches              hypotheses, the likeliest first:
         weight            probability
@@ -27,7 +27,7 @@ import numpy as np
 
 from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location, Parameter
-from reality_gap.causes.support import typical_scales
+from reality_gap.causes.support.typical_scales import joint_uses
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.extended import names
 from reality_gap.io.loader import MAX_STEPS
@@ -43,7 +43,7 @@ from reality_gap.study.data import (
     check_untrusted_model,
     load_spec,
 )
-from reality_gap.study.system import System, commanded, compile_system
+from reality_gap.study.system import commanded, compile_system
 from reality_gap.types import Floats
 
 JSON, MODEL = "posterior.json", "nominal.xml"
@@ -210,24 +210,13 @@ def _symmetric(rows: list[list[float]], size: int) -> Floats:
     return found
 
 
-def joint_uses(system: System) -> dict[str, JointUse]:
-    """Return how each joint is used in the readings, on which what some causes add depends."""
-    at_joints = {joint: Location("joint", (joint,)) for joint in system.joints}
-    return {
-        joint: JointUse(
-            typical_scales.joint_speed(system, at), typical_scales.joint_force(system, at)[1]
-        )
-        for joint, at in at_joints.items()
-    }
-
-
 def _uses(entry: dict[str, Any], model: mujoco.MjModel) -> dict[str, JointUse]:
     """Return the uses of joints; a file that is older has none."""
     found = {}
     for joint, one in entry.get("uses", {}).items():
         model.joint(joint)  # KeyError if there is none
-        use = JointUse(float(one["speed"]), float(one["force"]))
-        if not all(0.0 < value < np.inf for value in use):
+        use = JointUse(float(one["speed"]), float(one["force"]), float(one.get("travel", 0.0)))
+        if not (use.speed > 0.0 < use.force and use.travel >= 0.0 and np.all(np.isfinite(use))):
             raise ValueError(f"the use of the joint {joint} is {use}")
         found[joint] = use
     return found

@@ -18,8 +18,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Effects, Hook, Location, Record
-from reality_gap.causes.support.typical_scales import joint_force, joint_speed
+from reality_gap.causes.base import Effects, Hook, Record
+from reality_gap.causes.support.typical_scales import joint_uses
 from reality_gap.errors import StudyError
 from reality_gap.simulation.effort_filter import independent_samples, roll_off
 from reality_gap.simulation.hypothesis import Plant
@@ -41,6 +41,8 @@ from reality_gap.study.measurements import Measured, channel_noise
 from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 
+AT_REST = 0.01
+"""Velocity of a joint that rests, at most, over half of its range a second."""
 FRICTION_RATE = 1e6
 """Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
 
@@ -105,22 +107,23 @@ def prepare(study: Study) -> Study:
         for c, size in zip(efforts, sizes, strict=True)
     )
     prepared = replace(study, channels=channels, episodes=tuple(episodes))
-    return replace(prepared, uses=_uses(prepared, np.vstack([m.qvel for m in motions])))
+    return replace(prepared, uses=_uses(prepared, motions))
 
 
-def _uses(study: Study, velocity: Floats) -> dict[str, JointUse]:
+def _uses(study: Study, motions: Sequence[Motion]) -> dict[str, JointUse]:
     """Return how each joint is used in a prepared study, whose readings have no positions.
 
-    Args:
-        study: the prepared study.
-        velocity: of each degree of freedom, shape (k, nv).
+    The velocity of a joint that rests is the noise of its encoder; that of its model is kept.
     """
-    system, found = compile_system(study), {}
-    for joint in system.joints:
-        at = Location("joint", (joint,))
-        own = velocity[:, int(system.model.joint(joint).dofadr[0])]
-        speed = float(np.sqrt(np.mean(own**2))) or joint_speed(system, at)
-        found[joint] = JointUse(speed, joint_force(system, at)[1])
+    system = compile_system(study)
+    found = joint_uses(system)
+    for joint, use in found.items():
+        at = system.model.joint(joint)
+        velocity = np.concatenate([m.qvel[:, int(at.dofadr[0])] for m in motions])
+        speed = float(np.sqrt(np.mean(velocity**2)))
+        if speed > AT_REST * use.speed:
+            travel = max(float(np.ptp(m.qpos[:, int(at.qposadr[0])])) for m in motions)
+            found[joint] = use._replace(speed=speed, travel=travel)
     return found
 
 

@@ -120,10 +120,12 @@ class JointUse(NamedTuple):
     Attributes:
         speed: typical velocity [rad/s or m/s].
         force: typical force [N m or N].
+        travel: difference of its farthest positions [rad or m]; 0 if unknown.
     """
 
     speed: float
     force: float
+    travel: float = 0.0
 
 
 @dataclass(frozen=True)

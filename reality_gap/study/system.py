@@ -38,7 +38,7 @@ class ActuatedTendon:
     sites: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """A study with its compiled model and the names of the elements that causes act on.
 

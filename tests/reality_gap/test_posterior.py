@@ -17,6 +17,7 @@ from scipy.stats import truncnorm
 from reality_gap import posterior as module
 from reality_gap.__main__ import main
 from reality_gap.causes import CATALOGUE, find_cause
+from reality_gap.causes.support.typical_scales import joint_uses
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.inference.equivalence import Alternatives
@@ -30,7 +31,6 @@ from reality_gap.report.files import write_diagnosis
 from reality_gap.report.posterior_file import (
     JSON,
     MODEL,
-    joint_uses,
     load_posterior,
     nominal_xml,
     write_posterior,

@@ -18,7 +18,7 @@ from scipy.stats.qmc import Halton
 
 from reality_gap.causes.support import actuators
 from reality_gap.study.system import System, command_limits
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 POSTURES = 64
 """Number of sampled postures."""
@@ -58,6 +58,7 @@ class MachineSize:
         limit: largest force of each actuator, before its gear; 0 without, shape (nactuator,).
         load: typical force of each degree of freedom, shape (nv,) [N m or N].
         rated: largest force of the motors of each joint; 0 without a limit, shape (nv,) [N m or N].
+        limited: whether a limit of a motor or of a tendon's motor is known, shape (nv,).
     """
 
     link: float
@@ -69,6 +70,7 @@ class MachineSize:
     limit: Floats
     load: Floats
     rated: Floats
+    limited: Bools
 
 
 def machine_size(system: System) -> MachineSize:
@@ -133,13 +135,16 @@ def _machine_size(model: mujoco.MjModel) -> MachineSize:
         arms,
         np.ptp(lengths, axis=0),
         limit,
-        *np.zeros((2, model.nv)),
+        load=np.zeros(model.nv),
+        rated=np.zeros(model.nv),
+        limited=np.zeros(model.nv, dtype=np.bool_),
     )
     needed = gravity + inertia * travel * SWING**2
     typical = _exerted(model, found, TENSION, MOTOR)
     load = np.where(typical > 0.0, np.minimum(typical, STRONG * needed), needed)
     load = np.where(load > 0.0, load, 1.0)
-    return replace(found, load=load, rated=_exerted(model, found, 0.0, 1.0))
+    rated = _exerted(model, found, 0.0, 1.0)
+    return replace(found, load=load, rated=rated, limited=typical > 0.0)
 
 
 def _largest_link(model: mujoco.MjModel) -> float:

@@ -16,11 +16,8 @@ FACTOR = "by one factor"
 """Note of a location whose joints are wrong by one factor, the parameter `EXCESS`."""
 EXCESS = "excess"
 """Name of the parameter of a location with the note `FACTOR`."""
-BEYOND = 1.2
-"""Largest amount that is taken away, over what there is. Beyond 1 the rest is reflected at zero, so
-that a fit of a property that is absent ends there, and not at a bound."""
-MIRRORED = SearchHints(mirror=-1.0)
-"""Hints of a relative amount that is reflected at zero."""
+REDUCIBLE = SearchHints(absence=True)
+"""Hints of an amount of which all may be taken away."""
 
 
 def all_joints(system: System, nominal: Floats) -> tuple[Location, ...]:
@@ -43,7 +40,7 @@ def all_joints(system: System, nominal: Floats) -> tuple[Location, ...]:
 def amounts(
     system: System, location: Location, nominal: Floats, name: str, values: Values
 ) -> dict[str, float]:
-    """Return the amount that is added to each joint of a location, reflected at zero.
+    """Return the amount that is added to each joint of a location; no more is taken than there is.
 
     Args:
         system: the machine.
@@ -56,7 +53,7 @@ def amounts(
     for joint in location.elements:
         old = float(nominal[system.model.joint(joint).dofadr[0]])
         added = values[EXCESS] * old if location.note == FACTOR else values[name]
-        found[joint] = abs(old + added) - old
+        found[joint] = max(old + added, 0.0) - old
     return found
 
 

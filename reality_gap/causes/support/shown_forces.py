@@ -7,6 +7,7 @@ slowly needs almost nothing, and may carry a load of any size.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -19,20 +20,22 @@ from reality_gap.types import Floats
 _SENSOR, _TRANSMISSION = mujoco.mjtSensor, mujoco.mjtTrn
 
 
+@lru_cache(maxsize=2)
 def typical_loads(system: System) -> Floats:
     """Return the typical force of each degree of freedom, shape (nv,) [N m or N].
 
     It is that of the model, or where no limit of a motor tells it, the RMS of the largest force
     that the log shows, if that is more.
     """
-    size = machine_size(system)
-    unlimited = size.rated == 0.0
-    if not unlimited.any():
+    size, uses = machine_size(system), system.study.uses
+    if size.limited.all():
         return size.load
     shown = np.zeros(system.model.nv)
-    for dof, force in (*_sensed(system, size), *_commanded(system, size)):
+    for joint, use in uses.items():
+        shown[_dof(system.model, system.model.joint(joint).id)] = use.force
+    for dof, force in () if uses else (*_sensed(system, size), *_commanded(system, size)):
         shown[dof] = np.maximum(shown[dof], force)
-    return np.where(unlimited, np.maximum(size.load, shown), size.load)
+    return np.where(size.limited, size.load, np.maximum(size.load, shown))
 
 
 def _sensed(system: System, size: MachineSize) -> Iterator[tuple[slice, Floats]]:
@@ -59,9 +62,10 @@ def _commanded(system: System, size: MachineSize) -> Iterator[tuple[slice, Float
     for i in commanded(model):
         fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
         plain = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_NONE)
+        direct = int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_NONE)
         at = column(model, model.actuator(i).name)
-        commands = [e.command[:, at] for e in system.study.episodes]
-        if fixed and plain and any(map(len, commands)):
+        commands = [e.command[:, at] for e in system.study.episodes if e.command.shape[1] > at]
+        if fixed and plain and direct and commands:
             gain = abs(float(model.actuator_gainprm[i, 0]))
             yield _of_actuator(model, size, i, gain * _rms(np.concatenate(commands)))
 
@@ -85,4 +89,6 @@ def _dof(model: mujoco.MjModel, joint: int) -> slice:
 
 
 def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    """Return the RMS of the values that are finite; 0 if there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0

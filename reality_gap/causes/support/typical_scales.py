@@ -14,7 +14,7 @@ import numpy as np
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, machine_size
 from reality_gap.causes.support.shown_forces import typical_loads
-from reality_gap.study.data import Channel, Reading
+from reality_gap.study.data import Channel, JointUse, Reading
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -89,8 +89,8 @@ def _rated_force(system: System, joint: str) -> float:
         if slides(system, name) == slides(system, joint)
     }
     used = max(measured[joint], WEAKEST * max(measured.values()))
-    typical = float(typical_loads(system)[at])
-    return float(size.rated[at]) or RATED * used or typical / machine_size.MOTOR
+    known = float(size.rated[at]) or RATED * used
+    return known or float(typical_loads(system)[at]) / machine_size.MOTOR
 
 
 def weakest_force(system: System, location: Location) -> tuple[str, float]:
@@ -127,9 +127,22 @@ def joint_damping(system: System, location: Location) -> tuple[str, float]:
 def joint_travel(system: System, location: Location) -> tuple[str, float]:
     """Return unit and typical size of a joint's motion: the measured one, or half its range."""
     joint = location.elements[0]
+    unit, use = "m" if slides(system, joint) else "rad", system.study.uses.get(joint)
+    if use is not None and use.travel:
+        return unit, use.travel
     travels = [float(np.ptp(reading.value)) for reading in _positions(system, joint)]
-    unit = "m" if slides(system, joint) else "rad"
     return unit, max(travels, default=0.0) or _half_range(system, joint)
+
+
+def joint_uses(system: System) -> dict[str, JointUse]:
+    """Return how each joint is used in the log, on which what some causes add depends."""
+    at_joints = {joint: Location("joint", (joint,)) for joint in system.joints}
+    return {
+        joint: JointUse(
+            joint_speed(system, at), joint_force(system, at)[1], joint_travel(system, at)[1]
+        )
+        for joint, at in at_joints.items()
+    }
 
 
 def joint_inertia(system: System, joint: str) -> float:

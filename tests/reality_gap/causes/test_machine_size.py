@@ -11,6 +11,7 @@ import pytest
 from reality_gap.causes import CATALOGUE, find_cause
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.causes.support import machine_size
+from reality_gap.causes.support.typical_scales import joint_force, joint_uses, tendon_force
 from reality_gap.study.data import Channel, Episode, Reading
 from reality_gap.study.system import System, compile_system
 from tests.reality_gap.causes.plants import system_of
@@ -149,6 +150,51 @@ def test_a_light_link_that_carries_a_load_has_the_scale_of_the_load(
 
     assert found.scale == pytest.approx(0.02 * 0.5, rel=1e-6)
     assert found.high > 0.5
+
+
+@pytest.mark.parametrize(
+    "motor",
+    [
+        '<general name="motor" joint="shoulder" dyntype="integrator" gainprm="100"/>',
+        '<position name="motor" joint="shoulder" kp="100"/>',
+    ],
+)
+def test_a_command_that_is_no_force_is_no_scale(tmp_path: Path, motor: str) -> None:
+    system = arm(tmp_path, 0.06, 0.02, motor)
+
+    assert friction(with_log(system, 1.0, None, 0.0)) == friction(system)
+
+
+def test_a_log_without_commands_shows_no_forces(tmp_path: Path) -> None:
+    system = arm(tmp_path, 0.06, 0.02, PLAIN)
+    episode = Episode("log", np.zeros(1), np.zeros((1, 0)), ())
+    empty = compile_system(replace(system.study, channels=(), episodes=(episode,)))
+
+    assert friction(empty) == friction(system)
+
+
+def test_forces_that_a_log_showed_are_known_without_its_readings(tmp_path: Path) -> None:
+    path = tmp_path / "cable.xml"
+    path.write_text(CABLE)
+    system = with_log(system_of(path), 0.0, Channel("tension", "tension", noise=0.1), 40.0)
+    bare = replace(system.study.episodes[0], readings=(), command=np.zeros((11, 1)))
+
+    loaded = compile_system(replace(system.study, episodes=(bare,), uses=joint_uses(system)))
+
+    at = Location("tendon", ("cable",))
+    assert tendon_force(loaded, at) == pytest.approx(tendon_force(system, at), rel=1e-9)
+    assert tendon_force(system, at) == pytest.approx(40.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("limit", ['forcerange="-1000 1000"', 'ctrlrange="-100 100"'])
+def test_a_limit_of_the_motor_of_a_tendon_counts_for_its_joint(tmp_path: Path, limit: str) -> None:
+    path = tmp_path / "cable.xml"
+    plain = f'<motor name="spindle" tendon="cable" {limit}/>'
+    path.write_text(CABLE.replace('<position name="spindle" tendon="cable" kp="2e5"/>', plain))
+    system = system_of(path)
+    joint = Location("joint", ("jaw",))
+
+    assert joint_force(with_log(system, 1e6, None, 0.0), joint) == joint_force(system, joint)
 
 
 def test_a_limit_of_a_motor_is_the_scale_whatever_the_log_shows(tmp_path: Path) -> None:

@@ -301,9 +301,9 @@ def test_a_smaller_start_is_tried_if_a_large_one_diverges(tmp_path: Path, tolera
 
 
 def test_what_is_taken_away_is_at_most_all_there_is(tmp_path: Path) -> None:
-    """The slope at the null leads beyond the absence, where the effect is the mirror image."""
+    """The slope at the null leads beyond the absence, where the effect would be a mirror image."""
     plain = candidate("less", SHAPES[:, 0], answer=lambda size: 10.0 * (abs(1.0 + size) ** 0.5 - 1))
-    size = replace(plain.parameters[0], low=-1.2, hints=SearchHints(mirror=-1.0))
+    size = replace(plain.parameters[0], low=-1.0, hints=SearchHints(absence=True))
     less = replace(plain, parameters=(size,))
     case = Case(tmp_path, 10.0 * (0.1**0.5 - 1.0) * SHAPES[:, 0], [less])
 

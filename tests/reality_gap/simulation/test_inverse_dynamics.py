@@ -142,6 +142,19 @@ def test_speeds_and_forces_of_joints_are_those_of_the_log(
     for k, joint in enumerate(("shoulder", "elbow")):
         assert uses[joint].speed == pytest.approx(speed[k], rel=0.1)
         assert uses[joint].force == pytest.approx(force[k], rel=0.15)
+        assert uses[joint].travel == pytest.approx(np.ptp(angle[:, k]), rel=0.1)
+
+
+def test_the_noise_of_an_encoder_at_rest_is_no_speed(study: Study) -> None:
+    episode = study.episodes[0]
+    elbow = Reading(episode.time, 1e-5 * np.random.default_rng(1).standard_normal(10_000))
+    readings = (episode.readings[0], elbow, *episode.readings[2:])
+    still = replace(study, episodes=(replace(episode, readings=readings),))
+
+    use = prepare(still).uses["elbow"]
+
+    assert use.speed == pytest.approx(1.0)  # half of its range a second
+    assert use.travel == pytest.approx(1.0)
 
 
 def test_what_hooks_apply_needs_no_effort(study: Study) -> None:
