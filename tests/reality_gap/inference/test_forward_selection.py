@@ -264,7 +264,7 @@ def test_the_selection_score_is_that_of_a_fit_to_the_fit_split(tmp_path: Path, s
     assert (found > 5.0) == (size > 0)
 
 
-def test_one_cause_takes_the_place_of_two_that_make_up_for_it(tmp_path: Path) -> None:
+def test_one_cause_replaces_two_that_make_up_for_it(tmp_path: Path) -> None:
     """Nearly the right cause also explains a part of another one, and comes first.
 
     Beside that other one it is wrong, and a third one would make up for the difference. Beside the
