@@ -276,20 +276,24 @@ def _anticipate(
 def _one_for_two(result: Search, settings: Settings) -> Fit:
     """Return the best causes, or fewer of them that are as likely but for what a cause must add.
 
-    In the place of a cause and of another one comes a candidate that was nearly as likely as the
-    first one when it was chosen.
+    In the place of a cause and of a later one comes a candidate that was nearly as likely as the
+    first one when it was chosen. Where a model stays wrong by many noises, no cause is known well
+    enough to do without another one.
     """
+    if result.problem.noise_model.is_far:
+        return result.best
     problem, best, quick = result.problem, result.best, list[Stepwise[Fit]]()
     known = list(zip(best.hypothesis, _columns(best), strict=True))
     for step in result.steps:
         chosen, *others = step.tried
         least = chosen.evidence - CLOSE * max(chosen.evidence, 0.0) ** 0.5
         rest = [one for one in known if not chosen.candidates[-1].matches(one[0][0])]
+        earlier = [c for c in step.base.candidates if any(c.matches(one[0][0]) for one in rest)]
         for other in [f for f in others if f.evidence > least][:CLOSEST]:
             last, columns = other.hypothesis[-1], _columns(other)[-1]
             if len(rest) == len(known) or any(last[0].matches(part[0]) for part, _ in rest):
                 continue
-            for left in range(len(rest)):
+            for left in range(len(earlier), len(rest)):
                 kept = [*rest[:left], *rest[left + 1 :], (last, columns)]
                 slopes = np.hstack([own for _, own in kept])
                 quick.append(fit_stepwise(problem, [part for part, _ in kept], slopes, False))
