@@ -15,6 +15,7 @@ from reality_gap.causes.base import Location
 from reality_gap.causes.encoder_scale import READING
 from reality_gap.causes.joint_stiffness import NOMINAL
 from reality_gap.causes.support.shared_amounts import FACTOR
+from reality_gap.inference.paying import NEAR, distance_to_bound
 from reality_gap.simulation.hypothesis import build
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, compile_system
@@ -116,15 +117,18 @@ def test_joints_with_different_values_are_wrong_by_one_factor(systems: dict[str,
 
 
 def test_what_is_absent_is_not_at_a_bound(systems: dict[str, System]) -> None:
-    """Damping of 0.4 may be absent; the bound lies beyond, where more is worse again."""
+    """Damping of 0.4 may be absent; more cannot be taken away."""
     system = systems["arm"]
-    [p] = candidate(system, "viscous_friction", AT_ELBOW).parameters
-    more, less = (
-        with_cause(system, "viscous_friction", AT_ELBOW, damping=d) for d in (-0.44, -0.36)
+    damping = candidate(system, "viscous_friction", AT_ELBOW)
+    [p] = damping.parameters
+    none, less_than_none = (
+        with_cause(system, "viscous_friction", AT_ELBOW, damping=d) for d in (-0.4, -0.44)
     )
 
-    assert p.low < -1.1 * 0.4
-    np.testing.assert_allclose(more, less, atol=1e-6)
+    assert p.low == pytest.approx(-0.4)
+    assert distance_to_bound((damping, {"damping": p.low})) > NEAR
+    assert distance_to_bound((damping, {"damping": p.high})) < NEAR
+    np.testing.assert_array_equal(none, less_than_none)
 
 
 def test_gravity_compensation_of_all_is_that_of_mujoco(systems: dict[str, System]) -> None:
