@@ -286,12 +286,14 @@ def _one_for_two(result: Search, settings: Settings) -> Fit:
     known = list(zip(best.hypothesis, _columns(best), strict=True))
     for step in result.steps:
         chosen, *others = step.tried
-        least = chosen.evidence - CLOSE * max(chosen.evidence, 0.0) ** 0.5
         rest = [one for one in known if not chosen.candidates[-1].matches(one[0][0])]
+        if len(rest) == len(known):
+            continue
         earlier = [c for c in step.base.candidates if any(c.matches(one[0][0]) for one in rest)]
+        least = chosen.evidence - CLOSE * max(chosen.evidence, 0.0) ** 0.5
         for other in [f for f in others if f.evidence > least][:CLOSEST]:
             last, columns = other.hypothesis[-1], _columns(other)[-1]
-            if len(rest) == len(known) or any(last[0].matches(part[0]) for part, _ in rest):
+            if any(last[0].matches(part[0]) for part, _ in rest):
                 continue
             for left in range(len(earlier), len(rest)):
                 kept = [*rest[:left], *rest[left + 1 :], (last, columns)]

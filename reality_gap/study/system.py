@@ -42,6 +42,8 @@ class ActuatedTendon:
 class System:
     """A study with its compiled model and the names of the elements that causes act on.
 
+    Systems are compared by identity, so that what follows from one is computed once.
+
     Attributes:
         study: model and data.
         model: the study's nominal model, compiled; it is shared, do not edit it.

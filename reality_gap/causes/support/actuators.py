@@ -21,6 +21,12 @@ def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
+def has_constant_gain(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether an actuator's force is its activation or command times a constant."""
+    fixed = int(model.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    return fixed and int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_NONE)
+
+
 def feeds_back(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether an actuator's force depends on the position of what it moves."""
     affine = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_AFFINE)

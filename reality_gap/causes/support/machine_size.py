@@ -205,10 +205,8 @@ def _limit(model: mujoco.MjModel, actuator: int) -> float:
     if int(model.actuator_gaintype[actuator]) == muscle:
         peak, scale = (float(x) for x in model.actuator_gainprm[actuator, 2:4])
         return peak if peak >= 0.0 else scale / max(float(model.actuator_acc0[actuator]), 1e-12)
-    fixed = int(model.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-    plain = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_NONE)
     reach = max(map(abs, command_limits(model, actuator)))
-    if fixed and plain and math.isfinite(reach):
+    if actuators.has_constant_gain(model, actuator) and math.isfinite(reach):
         return reach * abs(float(model.actuator_gainprm[actuator, 0]))
     return 0.0
 

@@ -60,12 +60,10 @@ def _commanded(system: System, size: MachineSize) -> Iterator[tuple[slice, Float
     """Yield degrees of freedom with the force on them that a plain motor was commanded."""
     model = system.model
     for i in commanded(model):
-        fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-        plain = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_NONE)
         direct = int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_NONE)
         at = column(model, model.actuator(i).name)
         commands = [e.command[:, at] for e in system.study.episodes if e.command.shape[1] > at]
-        if fixed and plain and direct and commands:
+        if direct and commands and actuators.has_constant_gain(model, i):
             gain = abs(float(model.actuator_gainprm[i, 0]))
             yield _of_actuator(model, size, i, gain * _rms(np.concatenate(commands)))
 

@@ -116,6 +116,37 @@ def test_joints_with_different_values_are_wrong_by_one_factor(systems: dict[str,
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("id", "name"),
+    [
+        ("viscous_friction", "damping"),
+        ("armature", "armature"),
+        ("coulomb_friction", "frictionloss"),
+    ],
+)
+def test_at_most_all_there_is_can_be_taken_away(
+    systems: dict[str, System], id: str, name: str
+) -> None:
+    """A fit cannot pass the absence, to the mirror image of the right value."""
+
+    def add(spec: mujoco.MjSpec) -> None:
+        joint = spec.joint("elbow")
+        joint.armature, joint.frictionloss = 0.03, 0.2
+
+    system = edited(systems["arm"], add)
+    less = candidate(system, id, AT_ELBOW)
+    p = less.parameters[0]
+
+    found, nearly = (
+        with_cause(system, id, AT_ELBOW, **{p.name: share * p.low}) for share in (1.0, 0.9)
+    )
+    without = predict(edited(system, scale_joint(name, 0.0, "elbow")))
+
+    assert p.hints.absence
+    assert np.abs(without - nearly).max() > 1e-4
+    np.testing.assert_allclose(found, without, atol=1e-6)
+
+
 def test_what_is_absent_is_not_at_a_bound(systems: dict[str, System]) -> None:
     """Damping of 0.4 may be absent; more cannot be taken away."""
     system = systems["arm"]

@@ -144,6 +144,19 @@ def test_the_penalty_of_several_causes_is_the_average_over_their_sizes(
     assert found == pytest.approx(averaged(gram, theta, cause), abs=0.1)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_causes_that_predict_the_same_are_penalised_more_and_never_less(seed: int) -> None:
+    """By up to 2 nats: the sizes of such causes are not independent."""
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((30, 1)) + 0.02 * rng.standard_normal((30, 4))
+    gram, cause = columns.T @ columns, np.arange(4)
+    theta = np.linalg.solve(gram + np.eye(4) / PRIOR**2, gram @ (10.0 * rng.standard_normal(4)))
+
+    found = complexity(gram, theta, cause, np.zeros(4, dtype=np.bool_))
+
+    assert -0.1 < found - averaged(gram, theta, cause) < 2.0
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_penalty_grows_with_information(seed: int) -> None:
     gram, theta, cause, flat = small_model()

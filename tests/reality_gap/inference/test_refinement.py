@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes.attachment_shift import CAUSE as attachment_shift
-from reality_gap.causes.base import Location, SearchHints
+from reality_gap.causes.base import Location
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.gauss_newton import fit, null_fit
 from reality_gap.inference.likelihood import independent_noise
@@ -298,15 +298,3 @@ def test_a_smaller_start_is_tried_if_a_large_one_diverges(tmp_path: Path, tolera
 
     assert np.all(np.isnan(beyond))
     assert size_of(best, "brittle") == pytest.approx(0.5, abs=0.1)
-
-
-def test_what_is_taken_away_is_at_most_all_there_is(tmp_path: Path) -> None:
-    """The slope at the null leads beyond the absence, where the effect would be a mirror image."""
-    plain = candidate("less", SHAPES[:, 0], answer=lambda size: 10.0 * (abs(1.0 + size) ** 0.5 - 1))
-    size = replace(plain.parameters[0], low=-1.0, hints=SearchHints(absence=True))
-    less = replace(plain, parameters=(size,))
-    case = Case(tmp_path, 10.0 * (0.1**0.5 - 1.0) * SHAPES[:, 0], [less])
-
-    found = case.fit(less)
-
-    assert size_of(found, "less") == pytest.approx(-0.9, abs=0.01)
