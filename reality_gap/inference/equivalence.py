@@ -9,7 +9,7 @@ import numpy as np
 
 from reality_gap.inference.confidence import probabilities
 from reality_gap.inference.forward_selection import Search, Settings
-from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
+from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore, without_cause
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.refinement import fit_next
 from reality_gap.simulation.hypothesis import Candidate
@@ -95,7 +95,7 @@ def alternatives(
         else:
             without, tried = null_fit(problem), ()
         fits = _with_best(problem, tried, best, [candidate, *refused])
-        floor = rescore(problem, without).evidence
+        floor = without_cause(rescore(problem, without).evidence, fits)
         chances, alike = probabilities(floor, fits), _alike(best, fits)
         found.append(
             Alternatives(

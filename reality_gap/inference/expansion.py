@@ -8,7 +8,8 @@ the changes N(s) of the readings by one more tolerance each, the residual
     r(s) + N(s) s
 
 is that of the nominal model apart from what is not linear up to s. Replays of hypotheses are
-corrected alike, so that the deviations still have a normal prior with the mean 0. The most probable
+corrected alike, so that the deviations still have a normal prior with the mean 0. A hypothesis is
+replayed without the deviations of its own candidates, whose values it has. The most probable
 s is found by Gauss-Newton steps, each as long as it makes s more probable, with other tolerances
 integrated out: first from the begin of each episode, where little has grown yet, then from more of
 it, as one fits trajectories that diverge. N is replayed again where steps with an older one do not
@@ -187,9 +188,9 @@ class _Walk:
 
     def expanded(self, whitened: _Whitened) -> Expanded:
         """Return the linearisation about these deviations."""
-        shift = self._shift
-        power = whitened.power(self._columns, self._residual + shift)
-        return Expanded(Expansion(self._parts.at(self._sizes), shift), self._columns, power)
+        effects = (self._columns[:, self._chosen] * self._sizes).T
+        power = whitened.power(self._columns, self._residual + self._shift)
+        return Expanded(Expansion(self._parts.at(self._sizes), effects), self._columns, power)
 
     def approach(self, whitened: _Whitened) -> Iterator[None]:
         """Step towards the most probable deviations given some readings; yield after each step."""

@@ -17,6 +17,7 @@ from reality_gap.inference.gauss_newton import (
     null_fit,
     rescore,
     run_together,
+    without_cause,
 )
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
@@ -101,7 +102,8 @@ class Step:
         tried: fits of ``base`` with one candidate more each, best first: by their evidence, or by
             their profile likelihood where the model is wrong by many noises. There a candidate that
             makes the only cause of ``base`` needless is fitted alone.
-        gain: what the best of them adds to the evidence of ``base`` [nats].
+        gain: what the best of them adds to the evidence of ``base``, or of a deviation that is no
+            fault beside it [nats].
         needed: what it must add to be accepted [nats].
     """
 
@@ -203,9 +205,11 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     if profiled:
         alike = tuple(rescore(problem, f) for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
-    if tried[0].evidence - base.evidence > needed:
+    without = without_cause(base.evidence, tried)
+    if tried[0].evidence - without > needed:
         tried = polish(problem, tried)
-    return Step(base, tried, tried[0].evidence - base.evidence, needed)
+        without = without_cause(base.evidence, tried)
+    return Step(base, tried, tried[0].evidence - without, needed)
 
 
 def _with_known(problem: Problem, tried: Sequence[Fit], known: Sequence[Fit]) -> tuple[Fit, ...]:

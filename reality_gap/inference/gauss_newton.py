@@ -58,7 +58,9 @@ class Fit:
         residual: residual of all readings in units of sensor noise, shape (n,).
         jacobian: change of the prediction per scale of a parameter, likewise, shape (n, p).
         theta: parameters in scales from their null values, shape (p,).
-        evidence: log marginal likelihood relative to the nominal model, by Laplace [nats].
+        evidence: log marginal likelihood relative to the nominal model, by Laplace; at most 0 if
+            one of the deviations is one that every good model may have [nats].
+        raw_evidence: the same without this limit [nats].
     """
 
     hypothesis: Hypothesis
@@ -66,6 +68,7 @@ class Fit:
     jacobian: Floats
     theta: Floats
     evidence: float
+    raw_evidence: float = 0.0
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -297,7 +300,18 @@ def _penalised(problem: Problem, fitted: Fit, quality: float) -> Fit:
     cause = np.array([i for i, _ in free], dtype=np.int64)
     flat = np.array([bool(p.hints.starts) for _, p in free], dtype=bool)
     penalty = complexity(columns.T @ columns, fitted.theta, cause, flat)
-    evidence = quality - penalty - sum(start_penalty(one) for one in fitted.candidates)
-    if any(is_tolerable(candidate, values) for candidate, values in fitted.hypothesis):
-        evidence = min(evidence, 0.0)
-    return replace(fitted, evidence=evidence)
+    raw = quality - penalty - sum(start_penalty(one) for one in fitted.candidates)
+    tolerable = any(is_tolerable(candidate, values) for candidate, values in fitted.hypothesis)
+    return replace(fitted, evidence=min(raw, 0.0) if tolerable else raw, raw_evidence=raw)
+
+
+def without_cause(base: float, fits: Sequence[Fit]) -> float:
+    """Return the largest evidence of no cause more [nats].
+
+    What a deviation explains that every good model may have needs no cause.
+
+    Args:
+        base: evidence of the causes so far [nats].
+        fits: fits of these with one candidate more each.
+    """
+    return max([base, *(f.raw_evidence for f in fits if f.raw_evidence > f.evidence)])

@@ -197,7 +197,7 @@ def _fit_far(problem: Problem, quick: _QuickFit, least: float) -> Stepwise[_Quic
 
 def _finish(problem: Problem, quick: _QuickFit, least: float, base: Fit) -> Stepwise[Fit]:
     """Return the full fit, or the quick one if its evidence is below ``least``."""
-    if quick.fit.evidence < least:
+    if quick.fit.raw_evidence < least:
         return quick.fit
     if times_of(quick.candidate):
         full = yield from fit_stepwise(problem, quick.fit.hypothesis)

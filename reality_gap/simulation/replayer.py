@@ -62,12 +62,26 @@ class Expansion(NamedTuple):
     """Deviations within the tolerances about which residuals are linearised.
 
     Attributes:
-        parts: candidates with small values.
-        shift: their linear effect, shape (n,) in units of noise.
+        parts: k candidates with small values.
+        effects: their linear effects, shape (k, n) in units of noise.
     """
 
     parts: tuple[Part, ...] = ()
-    shift: Floats | float = 0.0
+    effects: Floats = np.zeros((0, 1))
+
+    def beside(self, hypothesis: Hypothesis) -> Expansion:
+        """Return the deviations without those of a hypothesis' own candidates.
+
+        Their values are in the hypothesis, and may be as large as a fault is.
+        """
+        chosen = [c for c, _ in hypothesis]
+        kept = [i for i, (c, _) in enumerate(self.parts) if not any(c.matches(o) for o in chosen)]
+        return Expansion(tuple(self.parts[i] for i in kept), self.effects[kept])
+
+    @property
+    def shift(self) -> Floats:
+        """Linear effect of all deviations, shape (n,) or (1,) [noise]."""
+        return np.asarray(self.effects.sum(axis=0), dtype=np.float64)
 
 
 class Discretisation(NamedTuple):
@@ -370,12 +384,13 @@ class Replayer:
 
     def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
-        parts, shift = self.expansion
         found, step = [], COARSER if coarse else 1.0
-        deviating = [_with_deviations(parts, one) for one in hypotheses]
-        for prediction in self._predictions(deviating, step):
+        beside = [self.expansion.beside(one) for one in hypotheses]
+        deviating = [[*e.parts, *one] for e, one in zip(beside, hypotheses, strict=True)]
+        predictions = self._predictions(deviating, step)
+        for expansion, prediction in zip(beside, predictions, strict=True):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
-            found.append(residual + shift)
+            found.append(residual + expansion.shift)
             self.tick()
         return found
 
@@ -416,18 +431,6 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
         if cause.id not in CATALOGUE:
             register_cause(cause)
     _replayer = Replayer(study)
-
-
-def _with_deviations(deviations: Sequence[Part], hypothesis: Hypothesis) -> Hypothesis:
-    """Return a hypothesis with deviations; those of its own candidates add to their values."""
-    own, others = list(hypothesis), list[Part]()
-    for candidate, moved in deviations:
-        at = next((i for i, (c, _) in enumerate(own) if c.matches(candidate)), None)
-        if at is None:
-            others.append((candidate, moved))
-        else:
-            own[at] = own[at][0], added(candidate, own[at][1], moved)
-    return [*others, *own]
 
 
 def _predict(step: float, own_step: bool, hypothesis: Hypothesis) -> Floats:

@@ -348,7 +348,7 @@ def test_a_cause_makes_up_for_a_linearisation_in_which_the_model_is_less_likely(
     ) -> Expanded:
         candidate, _ = tolerances[0].deviation(0.0)
         part = (candidate, candidate.null_values())
-        return Expanded(Expansion((part,), np.zeros(len(columns))), columns, 1.0)
+        return Expanded(Expansion((part,), np.zeros((1, len(columns)))), columns, 1.0)
 
     monkeypatch.setattr("reality_gap.pipeline.is_small", lambda *arguments: False)
     monkeypatch.setattr("reality_gap.pipeline.expand", about_nothing)

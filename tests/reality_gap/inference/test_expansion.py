@@ -129,8 +129,8 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
         null, own = replayer.residual([]), tolerances_of(replayer)
         plain = expand(replayer, own, tolerance_columns(replayer, own, null), [], null)
         parts = tuple(one.deviation(3.0) for one in own[:4])
-        shift = np.sum([3.0 * one.column for one in own[:4]], axis=0)
-        frame = Expanded(Expansion(parts, shift), plain.columns, 1.0)
+        effects = np.array([3.0 * one.column for one in own[:4]])
+        frame = Expanded(Expansion(parts, effects), plain.columns, 1.0)
 
         ones = np.ones(len(null))
         same = handicap(replayer, plain, plain._replace(power=9.0), null, ones)
@@ -144,14 +144,17 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
     assert fewer == pytest.approx(0.25 * other)
 
 
-def test_deviations_of_a_cause_add_to_its_values(tmp_path: Path) -> None:
+def test_a_cause_has_its_value_in_the_place_of_its_deviation(tmp_path: Path) -> None:
     with Replayer(study_of(tmp_path, [])) as replayer:
-        mass = candidate(replayer.system, "link_mass", "upper")
+        mass, lower = (candidate(replayer.system, "link_mass", one) for one in ("upper", "lower"))
         part = (mass, mass.null_values() | {"mass": 0.02})
-        twice = replayer.residual([(mass, {**part[1], "mass": 0.04})])
-        replayer.expansion = Expansion((part,), np.zeros(len(twice)))
+        other = (lower, lower.null_values() | {"mass": 0.01})
+        alone, both = replayer.residuals([[part], [other, part]])
+        effects = np.array([np.full(len(alone), 5.0), np.full(len(alone), 1.0)])
+        replayer.expansion = Expansion((part, other), effects)
 
-        np.testing.assert_array_equal(replayer.residual([part]), twice)
+        np.testing.assert_array_equal(replayer.residual([part]), both + 1.0)
+        np.testing.assert_array_equal(replayer.residual([other, part]), both)
 
 
 def test_friction_before_a_force_sensor_deviates_and_zeros_of_sensors_do_not(
