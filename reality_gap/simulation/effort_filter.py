@@ -20,14 +20,10 @@ import numpy as np
 from scipy.linalg import eigh, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
-from reality_gap.simulation.measured_motion import Motion
+from reality_gap.simulation.measured_motion import EDGE, Motion
 from reality_gap.study.data import Reading
 from reality_gap.types import Floats
 
-EDGE = 3.0
-"""Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
-LEAST = 10
-"""Number of samples in motion below which an effort is not compared."""
 ORDER = 4
 """Order of the low-pass filter, which passes forwards and backwards."""
 BLOCK = 200
@@ -120,7 +116,7 @@ def _sections(share: float) -> Floats:
 def independent_samples(motion: Motion, reading: Reading, dof: int, period: float) -> Reading:
     """Return the independent samples of a measured effort after the low-pass filter.
 
-    Samples at which the joint stands still are left out, and all if fewer than `LEAST` remain.
+    Samples at which the joint stands still are left out.
 
     Args:
         motion: the motion along which it was measured.
@@ -133,8 +129,6 @@ def independent_samples(motion: Motion, reading: Reading, dof: int, period: floa
     edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))
     kept = np.arange(edge, len(motion.time) - edge, _stride(motion))
     kept = kept[~motion.still[kept, dof]]
-    if len(kept) < LEAST:
-        kept = kept[:0]
     return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
 
 

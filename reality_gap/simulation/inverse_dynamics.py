@@ -27,7 +27,7 @@ from reality_gap.simulation.light_model import light_spec
 from reality_gap.simulation.measured_motion import (
     Motion,
     effort_cutoff,
-    measured_motion,
+    measured_motions,
     period_of,
 )
 from reality_gap.simulation.prepared_episode import (
@@ -43,6 +43,8 @@ from reality_gap.types import Floats
 
 AT_REST = 0.01
 """Velocity of a joint that rests, at most, over half of its range a second."""
+LEAST = 10
+"""Number of samples in motion below which an effort is not compared."""
 FRICTION_RATE = 1e6
 """Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
 
@@ -68,7 +70,8 @@ def prepare(study: Study) -> Study:
         joint is used. Efforts of joints that stand still are left out.
 
     Raises:
-        StudyError: a joint of the model is not measured, a log is too short, or no joint moves.
+        StudyError: a joint of the model is not measured, the episodes are too short, or no joint
+            moves.
     """
     plant = Plant(light_spec(study.spec()), Effects())
     model = plant.spec.compile()
@@ -79,7 +82,7 @@ def prepare(study: Study) -> Study:
     period = max(period_of(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
     cutoff = effort_cutoff(study, efforts, columns, noise[columns], period)
     dofs = [_dof(model, study.channels[c]) for c in efforts]
-    motions = [measured_motion(columns, e, noise[columns], cutoff, period) for e in study.episodes]
+    motions = measured_motions(columns, study.episodes, noise[columns], cutoff, period)
     readings = [
         [
             independent_samples(m, e.readings[c], dof, period)
@@ -87,7 +90,7 @@ def prepare(study: Study) -> Study:
         ]
         for e, m in zip(study.episodes, motions, strict=True)
     ]
-    moving = [k for k in range(len(efforts)) if any(len(some[k].time) for some in readings)]
+    moving = [k for k in range(len(efforts)) if sum(len(r[k].time) for r in readings) >= LEAST]
     if not moving:
         raise StudyError(
             "the joints of all efforts hardly move; their forces can be compared in motion only"
@@ -100,7 +103,7 @@ def prepare(study: Study) -> Study:
     episodes = weighted_episodes(study.episodes, motions, own, shapes, period)
     rng = np.random.default_rng(0)
     noisy = [_noisy(e, columns, noise, rng) for e in study.episodes]
-    again = [measured_motion(columns, e, noise[columns], cutoff, period) for e in noisy]
+    again = measured_motions(columns, noisy, noise[columns], cutoff, period)
     sizes = _noise(plant, model, episodes, again, dofs, noise[efforts])
     channels = tuple(
         replace(study.channels[c], noise=float(size))

@@ -34,8 +34,13 @@ POSITION_BAND = 2.0
 """Cutoff of the positions over that of the efforts, which it changes by 0.4 % at most."""
 GRID_RATE = 8.0
 """Samples of the motion per period of the cutoff, at least."""
-SHORTEST = 12.0
-"""Least length of a log [periods of the cutoff]."""
+EDGE = 3.0
+"""Length that is left out at both ends of an episode, where filters start [periods of the
+cutoff]."""
+SHORTEST = 7.0
+"""Least length of an episode [periods of the cutoff]."""
+LEAST = 6.0
+"""Least length of all episodes together, without their ends [periods of the cutoff]."""
 SLOW = 0.01
 """Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 
@@ -143,30 +148,66 @@ def _spectra(episodes: Sequence[Episode], column: int, size: int) -> tuple[Float
     return np.asarray(np.fft.rfftfreq(size, 1.0 / rate)), np.array(powers)
 
 
-def measured_motion(
-    columns: Sequence[int], episode: Episode, noise: Floats, cutoff: float, period: float
-) -> Motion:
-    """Return the motion of an episode, from its positions.
+def measured_motions(
+    columns: Sequence[int],
+    episodes: Sequence[Episode],
+    noise: Floats,
+    cutoff: float,
+    period: float,
+) -> list[Motion]:
+    """Return the motion of each episode, from its positions.
 
     Args:
         columns: the channel of the position of each joint, shape (nq,).
-        episode: the measured positions.
+        episodes: the measured positions.
         noise: standard deviation of each position, shape (nq,).
         cutoff: cutoff of the low-pass filter of the efforts [Hz].
         period: of the readings [s].
 
     Raises:
-        StudyError: the log is too short.
+        StudyError: an episode is too short, or all of them together are.
     """
-    readings = [episode.readings[c] for c in columns]
-    begin = max(r.time[0] for r in episode.readings if len(r.time))
-    end = min(r.time[-1] for r in episode.readings if len(r.time))
-    if end - begin < SHORTEST / cutoff:
+    spans = [_span(episode) for episode in episodes]
+    _check_lengths(episodes, [end - begin for begin, end in spans], cutoff)
+    return [
+        _motion([e.readings[c] for c in columns], span, noise, cutoff, period)
+        for e, span in zip(episodes, spans, strict=True)
+    ]
+
+
+def _span(episode: Episode) -> tuple[float, float]:
+    """Return the first and the last time at which all channels are read [s]."""
+    times = [r.time for r in episode.readings if len(r.time)]
+    return max(float(time[0]) for time in times), min(float(time[-1]) for time in times)
+
+
+def _check_lengths(episodes: Sequence[Episode], lengths: Sequence[float], cutoff: float) -> None:
+    """Raise StudyError if an episode, or all without their ends together, are too short."""
+    for episode, length in zip(episodes, lengths, strict=True):
+        if length < SHORTEST / cutoff:
+            raise StudyError(
+                f"the log {episode.name} lasts {length:.3g} s, which is too short for inverse "
+                f"dynamics at {cutoff:.3g} Hz; at least {SHORTEST / cutoff:.3g} s are needed"
+            )
+    ends = 2.0 * EDGE / cutoff
+    together = sum(lengths) - ends * len(lengths)
+    if together < LEAST / cutoff:
         raise StudyError(
-            f"the log {episode.name} lasts {end - begin:.3g} s, which is too short for inverse "
-            f"dynamics at {cutoff:.3g} Hz; at least {SHORTEST / cutoff:.3g} s are needed"
+            f"without {ends:.3g} s at the ends of each, where filters start, the episodes last "
+            f"{together:.3g} s together, which is too short for inverse dynamics at {cutoff:.3g} "
+            f"Hz; at least {LEAST / cutoff:.3g} s are needed"
         )
-    time = np.arange(begin, end + 1e-9, period)
+
+
+def _motion(
+    readings: Sequence[Reading],
+    span: tuple[float, float],
+    noise: Floats,
+    cutoff: float,
+    period: float,
+) -> Motion:
+    """Return the motion of one episode between two times [s], from its positions."""
+    time = np.arange(span[0], span[1] + 1e-9, period)
     raw = np.stack([CubicSpline(r.time, r.value)(time) for r in readings], axis=1)
     sections = butter(4, 2 * POSITION_BAND * cutoff * period, output="sos")
     qpos = sosfiltfilt(sections, raw, axis=0)

@@ -15,9 +15,10 @@ from reality_gap.check import check_study
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.inverse_dynamics import inverse_replay, left_out, prepare
+from reality_gap.simulation.measured_motion import measured_motions
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import measured
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 ARM = """
 <mujoco>
@@ -330,6 +331,47 @@ def test_logs_without_information_are_refused(study: Study) -> None:
     quiet = (*episode.readings[:3], Reading(episode.time, np.full(len(episode.time), 2.0)))
     with pytest.raises(StudyError, match="torque_elbow is constant"):
         prepare(replace(study, episodes=(replace(episode, readings=quiet),)))
+
+
+def test_short_episodes_are_long_enough_together(study: Study) -> None:
+    """Each of 30 lasts 10 periods of the cutoff, of which 6 are left out at its ends."""
+    rng, episode, parts = np.random.default_rng(4), study.episodes[0], 30
+    noisy = tuple(
+        replace(r, value=r.value + 1e-3 * rng.standard_normal(len(r.value)))
+        for r in episode.readings[:2]
+    )
+    episode = replace(episode, readings=(*noisy, *episode.readings[2:]))
+    length = np.ptp(episode.time) / parts
+    short = replace(study, episodes=tuple(_part(episode, i * length, length) for i in range(parts)))
+
+    with pytest.raises(StudyError, match="last 0.133 s together, .*; at least 0.2 s are needed"):
+        measured_motions(range(2), short.episodes[:1], np.full(2, 1e-3), 30.0, 1e-3)
+    prepared = prepare(short)
+    counts = np.array([[len(r.time) for r in e.readings] for e in prepared.episodes])
+
+    assert counts.shape == (parts, 2)
+    assert counts.max() < 10
+    assert counts.sum(axis=0).min() > 200
+    spec = study.spec()
+    rub(spec)
+    assert np.all(errors(short, Plant(spec, Effects())) < 0.05)
+    assert np.all(errors(short, Plant(study.spec(), Effects())) > 0.10)
+
+
+def _part(episode: Episode, begin: float, length: float) -> Episode:
+    """Return a part of an episode, with its own time."""
+
+    def cut(time: Floats) -> Bools:
+        return np.asarray((time >= begin) & (time < begin + length))
+
+    return replace(
+        episode,
+        name=f"from {begin:g} s",
+        time=episode.time[cut(episode.time)] - begin,
+        readings=tuple(
+            Reading(r.time[cut(r.time)] - begin, r.value[cut(r.time)]) for r in episode.readings
+        ),
+    )
 
 
 @pytest.mark.parametrize("every", [1, 5])
