@@ -202,6 +202,7 @@ def _measures(paying: Paying, remainder: Remainder) -> dict[str, float]:
         "evidence": result.best.evidence,
         "causes": float(len(result.best.hypothesis)),
         "own_time_step": float(result.problem.replayer.own_step),
+        "time_step": result.problem.replayer.step,
         "first": result.steps[0].tried[0].evidence if result.steps else 0.0,
         "refused": _refused(result),
         "learned": float(remainder.learned.evidence),

@@ -65,7 +65,7 @@ def _coarse_step(replayer: Replayer) -> list[str]:
         at = measured.channel == c
         effect, error = (
             float(np.sqrt(np.mean((x[at] / measured.noise[at]) ** 2)))
-            for x in (replayer.drift, replayer.drift_error)
+            for x in (replayer.model_drift, replayer.drift_error)
         )
         if effect > COARSE or error > UNKNOWN:
             worst = max(worst, (effect, error, channel.name))

@@ -51,6 +51,12 @@ FINER = (0.25, 0.125, 0.0625)
 """Shares of the time step to which it is refined, as far as predictions still change."""
 SEEN = 0.3
 """RMS change of a channel by a refinement, relative to noise, above which it is refined again."""
+TOO_COARSE = 50.0
+"""RMS error of the time step of a channel from which on replays use a finer step [noise]."""
+SUSPICIOUS = 0.25
+"""Share of that which half the step must change in a channel, for the error to be computed."""
+MOST_HALVINGS = 2
+"""How often the time step of replays is halved, at most."""
 COARSER = 2.0
 """Multiple of the time step that is coarser."""
 COARSE = 3.0
@@ -107,10 +113,12 @@ class Replayer:
         study: model, commands and measurements.
         jobs: number of processes.
         tick: called after each replay.
+        step: time step of replays over that of the study's model; chosen if None.
 
     Attributes:
-        system: the study's model and its elements.
+        system: the study's model, with the time step of replays, and its elements.
         measured: all readings of the study.
+        step: time step of replays over that of the study's model.
         tick: called after each replay.
         expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
         own_step: whether the log is a simulated one with the model's own time step, so that
@@ -118,7 +126,13 @@ class Replayer:
             simulations where efforts are compared.
     """
 
-    def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
+    def __init__(
+        self,
+        study: Study,
+        jobs: int = 1,
+        tick: Tick = lambda: None,
+        step: float | None = None,
+    ) -> None:
         study = ensure_prepared(study)
         self.system: System = compile_system(study)
         self.measured: Measured = measured(study)
@@ -127,14 +141,19 @@ class Replayer:
         self.own_step = False
         self._cache = RecordCache()
         self._coarse: bool | None = None
+        self.step, self._model_drift = step or 1.0, np.zeros(len(self.measured.value))
         if not study.inverse:
             study = self._settle_unknowns(study)
+            if step is None:
+                self._refine()
+            else:
+                self.system = self._at(step)
         self._pool = (
             ProcessPoolExecutor(
                 jobs,
                 multiprocessing.get_context("forkserver"),
                 _start_worker,
-                initargs=(study, tuple(CATALOGUE.values())),
+                initargs=(study, tuple(CATALOGUE.values()), self.step),
             )
             if jobs > 1
             else None
@@ -165,6 +184,31 @@ class Replayer:
         finally:
             mujoco.set_mju_user_warning(before)
         return study
+
+    def _refine(self) -> None:
+        """Halve the time step of replays where its error is too large to be extrapolated away.
+
+        Such an error is not in proportion to the step, and depends on the causes. A log that was
+        simulated with the model's own step is nearer to replays with it, and keeps it.
+        """
+        before = mujoco.get_mju_user_warning()
+        silence()
+        try:
+            whole, half = (self.replay([], share).prediction for share in (1.0, 0.5))
+            if not self._rms_of_channels(half - whole).max() > SUSPICIOUS * TOO_COARSE:
+                return
+            residual, noise = self.measured.value - whole, self.measured.noise
+            self._model_drift = drift = self.drift
+            if not np.sum(((residual - drift) / noise) ** 2) < np.sum((residual / noise) ** 2):
+                return
+            for _ in range(MOST_HALVINGS):
+                if self._rms_of_channels(self.drift).max() <= TOO_COARSE:
+                    return
+                self.step *= 0.5
+                self.system = with_step(self.system, 0.5)
+                del self.step_error
+        finally:
+            mujoco.set_mju_user_warning(before)
 
     def __enter__(self) -> Replayer:
         self._warned = mujoco.get_mju_user_warning()
@@ -238,6 +282,11 @@ class Replayer:
         return self.step_error.drift * (not self.own_step)
 
     @property
+    def model_drift(self) -> Floats:
+        """Error of replays with the time step of the study's model in SI units, shape (n,)."""
+        return self.drift if self.step == 1.0 else self._model_drift
+
+    @property
     def drift_error(self) -> Floats:
         """Change of the extrapolation with the last halving of the step in SI units, shape (n,)."""
         return self.step_error.last * (not self.own_step)
@@ -277,9 +326,14 @@ class Replayer:
 
     def _is_seen(self, error: Floats) -> bool:
         """Return whether an error of predictions (n,) is seen beside the noise of any channel."""
+        return bool(self._rms_of_channels(error).max() > SEEN)
+
+    def _rms_of_channels(self, error: Floats) -> Floats:
+        """Return the RMS of an error (n,) in each channel with readings, shape (c,) [noise]."""
         channel = self.measured.channel
         squares = np.bincount(channel, (error / self.measured.noise) ** 2)
-        return bool(np.any(squares > SEEN**2 * np.bincount(channel)))
+        counts = np.bincount(channel)
+        return np.asarray(np.sqrt(squares[counts > 0] / counts[counts > 0]))
 
     def change_of_start(self, moved: Study) -> Floats:
         """Return how the nominal prediction changes if the same study begins in other states.
@@ -421,7 +475,7 @@ _replayer: Replayer | None = None
 """In a worker process: the replayer of all its tasks."""
 
 
-def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
+def _start_worker(study: Study, causes: Sequence[Cause], step: float) -> None:
     """Make the worker's replayer, and add the user's own causes to its catalogue."""
     global _replayer
     end_with_parent()
@@ -430,7 +484,7 @@ def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
     for cause in causes:
         if cause.id not in CATALOGUE:
             register_cause(cause)
-    _replayer = Replayer(study)
+    _replayer = Replayer(study, step=step)
 
 
 def _predict(step: float, own_step: bool, hypothesis: Hypothesis) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,6 +68,14 @@ def measure(study: Study, value: Floats) -> Study:
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Change the current folder, to which MuJoCo writes a log if a simulation diverges."""
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def never_refined() -> Iterator[None]:
+    """Keep the step of the model, whose error is 900 times this noise."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("reality_gap.simulation.replayer.TOO_COARSE", np.inf)
+        yield
 
 
 @pytest.fixture(scope="module")
