@@ -24,7 +24,6 @@ from reality_gap.simulation.hypothesis import (
     Hypothesis,
     Part,
     Plant,
-    added,
     build,
     in_log,
 )

@@ -344,7 +344,7 @@ def test_short_episodes_are_long_enough_together(study: Study) -> None:
     length = np.ptp(episode.time) / parts
     short = replace(study, episodes=tuple(_part(episode, i * length, length) for i in range(parts)))
 
-    with pytest.raises(StudyError, match="last 0.133 s together, .*; at least 0.2 s are needed"):
+    with pytest.raises(StudyError, match=r"last 0\.133 s together, .*; at least 0\.2 s are needed"):
         measured_motions(range(2), short.episodes[:1], np.full(2, 1e-3), 30.0, 1e-3)
     prepared = prepare(short)
     counts = np.array([[len(r.time) for r in e.readings] for e in prepared.episodes])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from reality_gap import Options, Verdict, diagnose, load_study
+from reality_gap import Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
 from reality_gap.report.html import page
 from reality_gap.simulation.replayer import Replayer
