@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Settings
@@ -89,6 +90,45 @@ def test_a_cause_must_explain_more_than_what_is_not_linear_in_tolerances(
     case.problem = case.problem_with(80.0 * SHAPES[:, 5:])
 
     assert ids(case.search(Settings(nonlinear=share)).best) == found
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "more", "found"),
+    [(0.0, 0.0, ["plain"]), (0.3, 0.0, ["plain"]), (0.5, 0.0, []), (0.5, 0.9, ["sibling"])],
+)
+def test_a_cause_must_explain_more_than_a_deviation_that_is_no_fault(
+    tmp_path: Path, tolerance: float, more: float, found: list[str]
+) -> None:
+    """The sensor has 0.9 of an error; up to two tolerances are no fault."""
+    plain, sibling = (
+        candidate("plain", SHAPES[:, 0]),
+        candidate("sibling", SHAPES[:, :2] @ (1, 0.1)),
+    )
+    plain = replace(plain, parameters=(replace(plain.parameters[0], tolerance=tolerance),))
+    if more:
+        sibling = candidate("sibling", SHAPES[:, 0] + SHAPES[:, 1])
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0] + more * SHAPES[:, 1], [plain, sibling])
+
+    assert ids(case.search().best) == found
+
+
+def test_a_cause_is_as_sure_as_it_explains_more_than_a_deviation_that_is_no_fault(
+    tmp_path: Path,
+) -> None:
+    plain, sibling = (
+        candidate("plain", SHAPES[:, 0]),
+        candidate("sibling", SHAPES[:, :2] @ (1, 0.3)),
+    )
+    plain = replace(plain, parameters=(replace(plain.parameters[0], tolerance=0.5),))
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0] + 0.27 * SHAPES[:, 1], [plain, sibling])
+
+    found = case.search()
+    [named] = alternatives(found, Settings())
+
+    gain = found.steps[0].gain
+    assert ids(found.best) == ["sibling"]
+    assert 7.0 < gain < 0.2 * found.best.evidence
+    assert named.right == pytest.approx(1.0 / (1.0 + np.exp(-gain / TEMPER)), abs=0.02)
 
 
 def test_the_number_of_causes_is_limited(tmp_path: Path) -> None:
