@@ -14,7 +14,7 @@ from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_rep
 from reality_gap.simulation.replay import Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import compile_system
+from reality_gap.study.system import compile_system, with_step
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ class Extended:
         Raises:
             UnknownNameError: an effect acts on an element that the study's model does not have.
         """
-        system, effects = compile_system(study), Effects()
+        nominal, effects = compile_system(study), Effects()
+        step = self.spec.option.timestep / nominal.model.opt.timestep
+        system = nominal if step == 1.0 else with_step(nominal, step)
         for effect in self.effects:
             _check_location(effect.location, study)
             if effect.cause.attach is not None:

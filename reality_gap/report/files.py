@@ -89,7 +89,7 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
         copied = model_assets.write_model(diagnosis.extended_xml, model, extended)
         _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis))
         if diagnosis.posterior is not None:
-            nominal = posterior_file.nominal_xml(study)
+            nominal = posterior_file.nominal_xml(diagnosis.posterior.system)
             model_assets.write_model(nominal, model, new / posterior_file.MODEL, copied)
             posterior_file.write_posterior(diagnosis.posterior, new / posterior_file.JSON)
         if diagnosis.next_experiment is not None:

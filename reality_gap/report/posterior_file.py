@@ -43,7 +43,7 @@ from reality_gap.study.data import (
     check_untrusted_model,
     load_spec,
 )
-from reality_gap.study.system import commanded, compile_system
+from reality_gap.study.system import System, commanded, compile_system
 from reality_gap.types import Floats
 
 JSON, MODEL = "posterior.json", "nominal.xml"
@@ -76,13 +76,14 @@ def posterior_json(posterior: Posterior) -> dict[str, Any]:
     }
 
 
-def nominal_xml(study: Study) -> str:
-    """Return the nominal model as MJCF.
+def nominal_xml(system: System) -> str:
+    """Return the nominal model as MJCF, with the time step of replays.
 
     MuJoCo writes the spring lengths that its compiler found. Where the model leaves them to the
     compiler they are left out, so that they follow what a sample changes, as they did before.
     """
-    spec = study.spec()
+    spec = system.study.spec()
+    spec.option.timestep = float(system.model.opt.timestep)
     left = [max(tendon.springlength) < 0.0 for tendon in spec.tendons]
     root = ElementTree.fromstring(spec.to_xml())
     elements = [element for section in root.iter("tendon") for element in section]

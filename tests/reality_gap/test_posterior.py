@@ -491,7 +491,7 @@ def test_a_posterior_with_any_cause_is_loaded_without_the_readings(
     branches = tuple(replace(branch, weight=1.0 / len(found)) for branch in found)
     folder = tmp_path / "out"
     folder.mkdir()
-    (folder / MODEL).write_text(nominal_xml(system.study))
+    (folder / MODEL).write_text(nominal_xml(system))
     write_posterior(Posterior(system, [], branches), folder / JSON)
 
     loaded = load_posterior(folder)

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap import Options, Verdict, diagnose
+from reality_gap import Options, Verdict, diagnose, load_posterior
 from reality_gap.causes import CATALOGUE
+from reality_gap.report.files import write_diagnosis
 from reality_gap.report.html import page
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
@@ -93,3 +94,6 @@ def test_a_heavier_link_is_found_although_the_step_is_too_coarse(tmp_path: Path)
     assert "Replays and the extended model have 0.5 of this step" in page(found, study)
     extended = mujoco.MjModel.from_xml_string(found.extended_xml)
     assert extended.opt.timestep == pytest.approx(0.5 * STEP)
+    write_diagnosis(found, study, tmp_path / "out")
+    [own], [loaded] = found.sample(1), load_posterior(tmp_path / "out").sample(1)
+    assert own.spec.to_xml() == loaded.spec.to_xml()
