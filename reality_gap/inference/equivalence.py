@@ -9,7 +9,7 @@ import numpy as np
 
 from reality_gap.inference.confidence import probabilities
 from reality_gap.inference.forward_selection import Search, Settings
-from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore, without_cause
+from reality_gap.inference.gauss_newton import Fit, evidence_without, fit, null_fit, rescore
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.refinement import fit_next
 from reality_gap.simulation.hypothesis import Candidate
@@ -30,7 +30,8 @@ class Alternatives:
         without: the best hypothesis without it, fitted again.
         tried: fits of ``without`` with the cause or another candidate, best first.
         confidence: probability of each of ``tried``, shape (k,).
-        evidence: what each of ``tried`` adds to the evidence of ``without``, shape (k,) [nats].
+        evidence: what each of ``tried`` adds to the evidence of ``without``, or to that of a
+            deviation that is no fault in its place, shape (k,) [nats].
         own: what the cause itself adds [nats].
         alike: which of ``tried`` predict the same as the best hypothesis to within the noise.
         equivalent: candidates that do and are not unlikely.
@@ -95,7 +96,7 @@ def alternatives(
         else:
             without, tried = null_fit(problem), ()
         fits = _with_best(problem, tried, best, [candidate, *refused])
-        floor = without_cause(rescore(problem, without).evidence, fits)
+        floor = _floor(problem, rescore(problem, without).evidence, fits)
         chances, alike = probabilities(floor, fits), _alike(best, fits)
         found.append(
             Alternatives(
@@ -121,9 +122,17 @@ def first_attempt(result: Search) -> tuple[Alternatives, ...]:
     tried = tuple(sorted(tried, key=lambda f: -f.evidence))
     evidence = np.array([f.evidence for f in tried])
     first = tried[0].candidates[-1]
-    confidence = probabilities(0.0, tried)
+    confidence = probabilities(_floor(problem, 0.0, tried), tried)
     own, alike = float(evidence[0]), _alike(tried[0], tried)
     return (Alternatives(first, null_fit(problem), tried, confidence, evidence, own, alike, ()),)
+
+
+def _floor(problem: Problem, without: float, fits: Sequence[Fit]) -> float:
+    """Return the evidence without a cause in the place of the last one of fits [nats].
+
+    Where a model is wrong by many noises, tolerances have no part in it.
+    """
+    return without if problem.noise_model.is_far else evidence_without(without, fits)
 
 
 def _with_best(

@@ -12,12 +12,12 @@ from reality_gap.inference.end_stops import Stop, refuting_stop
 from reality_gap.inference.gauss_newton import (
     Fit,
     Stepwise,
+    evidence_without,
     fit,
     fit_stepwise,
     null_fit,
     rescore,
     run_together,
-    without_cause,
 )
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
@@ -205,10 +205,10 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     if profiled:
         alike = tuple(rescore(problem, f) for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
-    without = without_cause(base.evidence, tried)
+    without = evidence_without(base.evidence, tried)
     if tried[0].evidence - without > needed:
         tried = polish(problem, tried)
-        without = without_cause(base.evidence, tried)
+        without = evidence_without(base.evidence, tried)
     return Step(base, tried, tried[0].evidence - without, needed)
 
 
@@ -240,7 +240,8 @@ def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
     """Refit the candidates that are close to the best with finite differences.
 
     Quick fits use slopes at the null. With stick-slip these lead to a minimum beside the true one,
-    and the rest of a full fit is worth more than the difference between candidates.
+    and the rest of a full fit is worth more than the difference between candidates, and to a
+    deviation that is no fault.
 
     Args:
         problem: what is to be explained.
@@ -252,7 +253,7 @@ def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
     done, rest = list[Fit](), list(tried)
     while True:
         best = max(f.evidence for f in (*done, *rest))
-        close = [f for f in rest if f.evidence >= best - CLOSE * max(best, 0.0) ** 0.5]
+        close = [f for f in rest if f.raw_evidence >= best - CLOSE * max(best, 0.0) ** 0.5]
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
         fits = [fit_stepwise(problem, f.hypothesis, f.jacobian) for f in close]

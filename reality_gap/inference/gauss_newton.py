@@ -305,8 +305,8 @@ def _penalised(problem: Problem, fitted: Fit, quality: float) -> Fit:
     return replace(fitted, evidence=min(raw, 0.0) if tolerable else raw, raw_evidence=raw)
 
 
-def without_cause(base: float, fits: Sequence[Fit]) -> float:
-    """Return the largest evidence of no cause more [nats].
+def evidence_without(base: float, fits: Sequence[Fit]) -> float:
+    """Return the largest evidence without one more cause [nats].
 
     What a deviation explains that every good model may have needs no cause.
 
@@ -314,4 +314,10 @@ def without_cause(base: float, fits: Sequence[Fit]) -> float:
         base: evidence of the causes so far [nats].
         fits: fits of these with one candidate more each.
     """
-    return max([base, *(f.raw_evidence for f in fits if f.raw_evidence > f.evidence)])
+    return max([base, *(f.raw_evidence for f in fits if _is_no_fault(f))])
+
+
+def _is_no_fault(fitted: Fit) -> bool:
+    """Return whether the last candidate, and no other, deviates as in every good model."""
+    *rest, last = (is_tolerable(*part) for part in fitted.hypothesis)
+    return last and not any(rest)

@@ -97,7 +97,11 @@ def groups_outcome(
         explainable_fraction=1.0 - scored.unexplained,
         depends_on=dependences(replayer, groups.residual, records),
         not_judged=tuple((name, HIDDEN) for name in CATALOGUE if name not in named),
-        measures={"causes": float(len(groups.causes)), "moments": float(groups.moments)},
+        measures={
+            "causes": float(len(groups.causes)),
+            "moments": float(groups.moments),
+            "time_step": replayer.step,
+        },
         objection=None if noises.met else noises.objection,
         criteria=(noises,),
         waterfall=shares([TOGETHER], [scored.before, scored.after], scored.floor),

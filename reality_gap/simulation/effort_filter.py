@@ -56,8 +56,10 @@ class Weights:
         """Return the weighted samples (n,) of a low-passed effort."""
         starts = np.cumsum([len(block) for block in self.blocks])[:-1]
         parts = np.split(effort, starts)
+        if not self.blocks:
+            return effort
         products = [block @ part for block, part in zip(self.blocks, parts, strict=True)]
-        return np.concatenate(products) if products else effort
+        return np.concatenate(products)
 
 
 def roll_off(
@@ -141,6 +143,8 @@ def weights(motion: Motion, time: Floats, coefficients: Floats, period: float) -
         coefficients: see `roll_off`, shape (2,).
         period: of the readings [s].
     """
+    if not len(time):
+        return Weights((), 0.0)
     step = _stride(motion) * motion.step
     index = np.rint((time - time[:1]) / step).astype(int)
     starts = np.flatnonzero(np.diff(index, prepend=-2) != 1)
@@ -160,7 +164,7 @@ def weights(motion: Motion, time: Floats, coefficients: Floats, period: float) -
             block = _power(toeplitz((white + rest)[:count]), -0.5) @ _power(of_effort, 0.5)
             total += float(np.sum((block @ of_effort) * block))
             blocks.append(block)
-    return Weights(tuple(blocks), total / max(len(time), 1))
+    return Weights(tuple(blocks), total / len(time))
 
 
 def _power(covariance: Floats, exponent: float) -> Floats:

@@ -39,7 +39,7 @@ EDGE = 3.0
 cutoff]."""
 SHORTEST = 7.0
 """Least length of an episode [periods of the cutoff]."""
-LEAST = 6.0
+TOGETHER = 6.0
 """Least length of all episodes together, without their ends [periods of the cutoff]."""
 SLOW = 0.01
 """Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
@@ -183,19 +183,20 @@ def _span(episode: Episode) -> tuple[float, float]:
 
 def _check_lengths(episodes: Sequence[Episode], lengths: Sequence[float], cutoff: float) -> None:
     """Raise StudyError if an episode, or all without their ends together, are too short."""
+    ends = 2.0 * EDGE / cutoff
+    shortest = SHORTEST / cutoff if len(episodes) > 1 else TOGETHER / cutoff + ends
     for episode, length in zip(episodes, lengths, strict=True):
-        if length < SHORTEST / cutoff:
+        if length < shortest:
             raise StudyError(
                 f"the log {episode.name} lasts {length:.3g} s, which is too short for inverse "
-                f"dynamics at {cutoff:.3g} Hz; at least {SHORTEST / cutoff:.3g} s are needed"
+                f"dynamics at {cutoff:.3g} Hz; at least {shortest:.3g} s are needed"
             )
-    ends = 2.0 * EDGE / cutoff
     together = sum(lengths) - ends * len(lengths)
-    if together < LEAST / cutoff:
+    if together < TOGETHER / cutoff:
         raise StudyError(
             f"without {ends:.3g} s at the ends of each, where filters start, the episodes last "
             f"{together:.3g} s together, which is too short for inverse dynamics at {cutoff:.3g} "
-            f"Hz; at least {LEAST / cutoff:.3g} s are needed"
+            f"Hz; at least {TOGETHER / cutoff:.3g} s are needed"
         )
 
 

@@ -18,7 +18,7 @@ from reality_gap.simulation.episode import Task, compile_with_probes, simulate
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import Measured
-from reality_gap.types import Floats, Ints
+from reality_gap.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ def replay(
 ) -> Replay:
     """Replay a study on a plant.
 
-    A controller reads its sensors before it commands: a reading that was taken at the time of a
-    command belongs to the command before it.
+    A controller reads its sensors before it commands: a force that was read at the time of a
+    command belongs to the command before it. Positions and velocities depend on no command.
 
     Args:
         plant: the model and its effects; probes are added to its spec.
@@ -92,6 +92,10 @@ def replay(
     """
     # Fusing removes bodies that a hook may refer to by name.
     model = compile_with_probes(plant.spec, fuse=not plant.effects.hooks)
+    stages = np.array(
+        [int(model.sensor_needstage[model.sensor(c.sensor).id]) for c in study.channels]
+    )
+    forces = stages >= int(mujoco.mjtStage.mjSTAGE_ACC)
     starts = np.concatenate([[0.0], np.cumsum([e.duration for e in study.episodes])])
     prediction = np.full(len(measured.value), np.nan)
     records = []
@@ -104,9 +108,9 @@ def replay(
             effect(record)
         at = measured.episode == e
         columns = np.array([record.column(c.sensor, c.component) for c in study.channels])
-        prediction[at] = _interpolate(
-            record, episode, rows, measured.time[at], columns[measured.channel[at]]
-        )
+        channel, time = measured.channel[at], measured.time[at]
+        step = _steps(record, episode, rows, time, forces[channel])
+        prediction[at] = _interpolate(record, step, time, columns[channel])
         records.append(record)
     return Replay(measured.align(prediction), tuple(records))
 
@@ -158,16 +162,37 @@ def _simulate(
     return cache.get(key, lambda: simulate(model, task, hooks))
 
 
-def _interpolate(
-    record: Record, episode: Episode, rows: Ints, time: Floats, column: Ints
-) -> Floats:
-    """Return readings at ``time`` (m,), linear between two steps under the same command."""
-    step = record.time[1] - record.time[0]
+def _steps(
+    record: Record, episode: Episode, rows: Ints, time: Floats, forces: Bools
+) -> tuple[Ints, Ints]:
+    """Return the earlier and the later step between which, or after which, readings are taken.
+
+    Positions and velocities lie between two steps. Forces jump with the commands, so that they
+    follow from two steps under the command before them; from one if there are no two.
+
+    Args:
+        record: what was simulated.
+        episode: when commands were given.
+        rows: see `_rows`.
+        time: of the readings, shape (m,) [s].
+        forces: whether each reading is a force, which depends on the command, shape (m,).
+    """
+    now = np.floor(time / _step(record) + 1e-9).astype(int)
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)
     last = np.searchsorted(rows, allowed, side="right") - 1
     first = np.searchsorted(rows, allowed, side="left")
-    later = np.minimum(np.floor(time / step + 1e-9).astype(int), last)
-    later = np.clip(np.maximum(later, first), 1, len(rows) - 1)
-    earlier = np.where(later > first, later - 1, later)
+    before = np.clip(np.maximum(np.minimum(now, last), first), 1, len(rows) - 1)
+    later = np.where(forces, before, np.clip(now + 1, 1, len(rows) - 1))
+    return np.where(forces & (before <= first), later, later - 1), later
+
+
+def _interpolate(record: Record, steps: tuple[Ints, Ints], time: Floats, column: Ints) -> Floats:
+    """Return readings at ``time`` (m,), linear between two steps, or the same at a single one."""
+    earlier, later = steps
     slope = record.sensors[later, column] - record.sensors[earlier, column]
-    return record.sensors[later, column] + (time / step - later) * slope
+    return record.sensors[later, column] + (time / _step(record) - later) * slope
+
+
+def _step(record: Record) -> float:
+    """Return the physics step [s]."""
+    return float(record.time[1] - record.time[0])

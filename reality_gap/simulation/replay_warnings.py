@@ -60,12 +60,13 @@ def _first_seconds(episode: Episode) -> Episode:
 def _coarse_step(replayer: Replayer) -> list[str]:
     """Return a sentence if the time step changes a channel by more than its noise."""
     study, measured = replayer.system.study, replayer.measured
+    found = replayer.model_error or replayer.step_error
     worst = (0.0, 0.0, "")
     for c, channel in enumerate(study.channels):
         at = measured.channel == c
         effect, error = (
             float(np.sqrt(np.mean((x[at] / measured.noise[at]) ** 2)))
-            for x in (replayer.model_drift, replayer.drift_error)
+            for x in (found.drift, found.last)
         )
         if effect > COARSE or error > UNKNOWN:
             worst = max(worst, (effect, error, channel.name))
@@ -77,11 +78,14 @@ def _coarse_step(replayer: Replayer) -> list[str]:
     share = 0.5 * min(COARSE / max(effect, COARSE), np.sqrt(UNKNOWN / max(error, UNKNOWN)))
     finer = _rounded(step * share)
     advice = f", such as timestep={finer:g}" if finer >= FINEST else " or integrator=RK4"
-    return [
+    text = (
         f"the model's time step of {1e3 * step:.3g} ms changes {name} by {effect:.2g} times its "
         f"noise, and by {error:.2g} times after extrapolation to finer steps, so that smaller "
         f"errors of the model do not show; use a finer step{advice}"
-    ]
+    )
+    if replayer.model_error is not None:
+        text += f" (replays have {1e3 * step * replayer.step:.3g} ms)"
+    return [text]
 
 
 def _rounded(step: float) -> float:

@@ -50,10 +50,9 @@ FINER = (0.25, 0.125, 0.0625)
 """Shares of the time step to which it is refined, as far as predictions still change."""
 SEEN = 0.3
 """RMS change of a channel by a refinement, relative to noise, above which it is refined again."""
-TOO_COARSE = 50.0
-"""RMS error of the time step of a channel from which on replays use a finer step [noise]."""
-SUSPICIOUS = 0.25
-"""Share of that which half the step must change in a channel, for the error to be computed."""
+TOO_COARSE = 25.0
+"""RMS of the part of a channel's error that is not in proportion to the time step, from which on
+replays use a finer step [noise]."""
 MOST_HALVINGS = 2
 """How often the time step of replays is halved, at most."""
 COARSER = 2.0
@@ -118,9 +117,10 @@ class Replayer:
         system: the study's model, with the time step of replays, and its elements.
         measured: all readings of the study.
         step: time step of replays over that of the study's model.
+        model_error: error of replays of the nominal model with its own step, if they have another.
         tick: called after each replay.
         expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
-        own_step: whether the log is a simulated one with the model's own time step, so that
+        own_step: whether the log is a simulated one with the time step of replays, so that
             predictions are not extrapolated to finer steps, and dry friction is as soft as in
             simulations where efforts are compared.
     """
@@ -140,13 +140,10 @@ class Replayer:
         self.own_step = False
         self._cache = RecordCache()
         self._coarse: bool | None = None
-        self.step, self._model_drift = step or 1.0, np.zeros(len(self.measured.value))
+        self.step: float = 1.0
+        self.model_error: Discretisation | None = None
         if not study.inverse:
-            study = self._settle_unknowns(study)
-            if step is None:
-                self._refine()
-            else:
-                self.system = self._at(step)
+            study = self._settle(study, step)
         self._pool = (
             ProcessPoolExecutor(
                 jobs,
@@ -157,6 +154,19 @@ class Replayer:
             if jobs > 1
             else None
         )
+
+    def _settle(self, study: Study, step: float | None) -> Study:
+        """Choose the time step, unless it is given, and return the study as replays show it."""
+        if step is not None:
+            self._set_step(step)
+            return self._settle_unknowns(study)
+        given, readings = study, self.measured
+        study = self._settle_unknowns(given)
+        if self._refine():
+            self.measured = readings
+            study = self._settle_unknowns(given)
+            self._set_step(self.step)
+        return study
 
     def _settle_unknowns(self, study: Study) -> Study:
         """Return the study as replays of the nominal model show it.
@@ -184,30 +194,52 @@ class Replayer:
             mujoco.set_mju_user_warning(before)
         return study
 
-    def _refine(self) -> None:
-        """Halve the time step of replays where its error is too large to be extrapolated away.
+    def _refine(self) -> bool:
+        """Halve the time step of replays where its error cannot be extrapolated away.
 
-        Such an error is not in proportion to the step, and depends on the causes. A log that was
-        simulated with the model's own step is nearer to replays with it, and keeps it.
+        As where a joint rests against one stop or another, a large part of the error is not in
+        proportion to the step then, or the replay diverges. A log that is nearer to replays with
+        the model's own step, as one that was simulated with it, keeps this step.
+
+        Returns:
+            Whether the step changed.
         """
         before = mujoco.get_mju_user_warning()
         silence()
         try:
-            whole, half = (self.replay([], share).prediction for share in (1.0, 0.5))
-            if not self._rms_of_channels(half - whole).max() > SUSPICIOUS * TOO_COARSE:
-                return
-            residual, noise = self.measured.value - whole, self.measured.noise
-            self._model_drift = drift = self.drift
-            if not np.sum(((residual - drift) / noise) ** 2) < np.sum((residual / noise) ** 2):
-                return
+            if not self._is_too_coarse():
+                return False
+            whole, noise = self.replay([]).prediction, self.measured.noise
+            own = (self.measured.value - whole) / noise
+            if np.sum((own - self.drift / noise) ** 2) >= np.sum(own**2):
+                return False
+            self.model_error = self.step_error
             for _ in range(MOST_HALVINGS):
-                if self._rms_of_channels(self.drift).max() <= TOO_COARSE:
-                    return
-                self.step *= 0.5
-                self.system = with_step(self.system, 0.5)
-                del self.step_error
+                self._set_step(0.5 * self.step)
+                if not self._is_too_coarse():
+                    break
+            return True
         finally:
             mujoco.set_mju_user_warning(before)
+
+    def _is_too_coarse(self) -> bool:
+        """Return whether replays diverge only at this time step, or have a large error of it."""
+        whole, half = (self.replay([], share).prediction for share in (1.0, 0.5))
+        if not np.isfinite(half).all():
+            return False
+        if not np.isfinite(whole).all():
+            return True
+        # Most models need no more than this one replay.
+        if self._rms_of_channels(half - whole).max() <= TOO_COARSE:
+            return False
+        return bool(self._rms_of_channels(self.drift_curvature).max() > TOO_COARSE)
+
+    def _set_step(self, step: float) -> None:
+        """Set the time step of replays over that of the study's model."""
+        self.system = with_step(self.system, step / self.step)
+        self.step = step
+        for name in ("step_error", "_coarser", "_light", "usual"):
+            self.__dict__.pop(name, None)
 
     def __enter__(self) -> Replayer:
         self._warned = mujoco.get_mju_user_warning()
@@ -279,11 +311,6 @@ class Replayer:
         the model's own step.
         """
         return self.step_error.drift * (not self.own_step)
-
-    @property
-    def model_drift(self) -> Floats:
-        """Error of replays with the time step of the study's model in SI units, shape (n,)."""
-        return self.drift if self.step == 1.0 else self._model_drift
 
     @property
     def drift_error(self) -> Floats:

@@ -112,23 +112,38 @@ def test_a_cause_must_explain_more_than_a_deviation_that_is_no_fault(
     assert ids(case.search().best) == found
 
 
+def test_a_cause_that_makes_an_earlier_one_needless_is_a_cause(tmp_path: Path) -> None:
+    """The first cause is half of both; beside one of these its deviation is no fault."""
+    b, c = SHAPES[:, 0], SHAPES[:, 1]
+    mean = candidate("mean", (b + c) / np.sqrt(2.0))
+    mean = replace(mean, parameters=(replace(mean.parameters[0], tolerance=0.7),))
+    case = Case(tmp_path, 1.6 * b + 0.9 * c, [mean, candidate("b", b), candidate("c", c)])
+
+    found = case.search()
+
+    assert ids(found.steps[0].tried[0]) == ["mean"]
+    assert len(found.best.hypothesis) == 2
+    assert found.best.evidence > found.steps[0].tried[0].evidence + 50.0
+
+
 def test_a_cause_is_as_sure_as_it_explains_more_than_a_deviation_that_is_no_fault(
     tmp_path: Path,
 ) -> None:
     plain, sibling = (
         candidate("plain", SHAPES[:, 0]),
-        candidate("sibling", SHAPES[:, :2] @ (1, 0.3)),
+        candidate("sibling", SHAPES[:, :2] @ (1, 0.2)),
     )
     plain = replace(plain, parameters=(replace(plain.parameters[0], tolerance=0.5),))
-    case = Case(tmp_path, 0.9 * SHAPES[:, 0] + 0.27 * SHAPES[:, 1], [plain, sibling])
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0] + 0.18 * SHAPES[:, 1], [plain, sibling])
 
     found = case.search()
     [named] = alternatives(found, Settings())
 
     gain = found.steps[0].gain
     assert ids(found.best) == ["sibling"]
-    assert 7.0 < gain < 0.2 * found.best.evidence
-    assert named.right == pytest.approx(1.0 / (1.0 + np.exp(-gain / TEMPER)), abs=0.02)
+    assert 7.0 < gain < 12.0
+    assert named.right == pytest.approx(1.0 / (1.0 + np.exp(-gain / TEMPER)), abs=0.002)
+    assert named.right < 0.98
 
 
 def test_the_number_of_causes_is_limited(tmp_path: Path) -> None:

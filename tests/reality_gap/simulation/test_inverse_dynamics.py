@@ -344,8 +344,10 @@ def test_short_episodes_are_long_enough_together(study: Study) -> None:
     length = np.ptp(episode.time) / parts
     short = replace(study, episodes=tuple(_part(episode, i * length, length) for i in range(parts)))
 
-    with pytest.raises(StudyError, match=r"last 0\.133 s together, .*; at least 0\.2 s are needed"):
-        measured_motions(range(2), short.episodes[:1], np.full(2, 1e-3), 30.0, 1e-3)
+    with pytest.raises(
+        StudyError, match=r"last 0\.16. s together, .*; at least 0\.25 s are needed"
+    ):
+        measured_motions(range(2), short.episodes[:2], np.full(2, 1e-3), 24.0, 1e-3)
     prepared = prepare(short)
     counts = np.array([[len(r.time) for r in e.readings] for e in prepared.episodes])
 
@@ -356,6 +358,31 @@ def test_short_episodes_are_long_enough_together(study: Study) -> None:
     rub(spec)
     assert np.all(errors(short, Plant(spec, Effects())) < 0.05)
     assert np.all(errors(short, Plant(study.spec(), Effects())) > 0.10)
+
+
+@pytest.mark.parametrize("parts", [2, 40, 50])
+def test_a_joint_may_stand_still_in_an_episode(study: Study, parts: int) -> None:
+    """In 50 short episodes of noisy positions, some have no sample in which a joint moves."""
+    rng, episode = np.random.default_rng(4), study.episodes[0]
+    shoulder, elbow, *efforts = episode.readings
+    still = np.where(episode.time < 5.0, shoulder.value, shoulder.value[4999])
+    positions = [replace(shoulder, value=still if parts == 2 else shoulder.value), elbow]
+    noisy = [
+        replace(r, value=r.value + 1e-3 * rng.standard_normal(len(r.value))) for r in positions
+    ]
+    episode = replace(episode, readings=(*noisy, *efforts))
+    length = np.ptp(episode.time) / parts
+    cut = tuple(_part(episode, i * length, length) for i in range(parts))
+
+    prepared = prepare(replace(study, episodes=cut))
+    counts = np.array([[len(r.time) for r in e.readings] for e in prepared.episodes])
+    prediction = inverse_replay(
+        Plant(study.spec(), Effects()), prepared, measured(prepared)
+    ).prediction
+
+    assert counts.min() == 0
+    assert counts.sum(axis=0).min() > 20
+    assert np.isfinite(prediction).all()
 
 
 def _part(episode: Episode, begin: float, length: float) -> Episode:
