@@ -181,7 +181,7 @@ def _steps(
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)
     last = np.searchsorted(rows, allowed, side="right") - 1
     first = np.searchsorted(rows, allowed, side="left")
-    before = np.clip(np.maximum(np.minimum(now, last), first), 1, len(rows) - 1)
+    before = np.minimum(np.maximum(np.minimum(now, last), first), len(rows) - 1)
     later = np.where(forces, before, np.clip(now + 1, 1, len(rows) - 1))
     return np.where(forces & (before <= first), later, later - 1), later
 

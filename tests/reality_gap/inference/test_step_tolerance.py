@@ -6,11 +6,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
 from reality_gap.inference.tolerances import tolerance_columns
 from reality_gap.inference.whitening import likeliest_sizes
 from reality_gap.simulation.replayer import Replayer
-from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.types import Floats
 
 SLED = """
@@ -44,13 +45,19 @@ def simulated(step: float) -> Floats:
     return found
 
 
-def test_a_log_that_was_simulated_with_half_the_step_is_explained(tmp_path: Path) -> None:
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """Study of a log that was simulated with half the step."""
     path = tmp_path / "sled.xml"
     path.write_text(SLED)
     reading = Reading(TIME, simulated(0.005))
     episode = Episode("only", TIME, FORCE[:, None], (reading,))
     channel = Channel("at_rail", "at_rail", unit="m", noise=NOISE)
-    with Replayer(Study("sled", path, (channel,), (episode,))) as replayer:
+    return Study("sled", path, (channel,), (episode,), Initial(settle=0.0))
+
+
+def test_a_log_that_was_simulated_with_half_the_step_is_explained(study: Study) -> None:
+    with Replayer(study, step=1.0) as replayer:
         residual = replayer.residual([])
         columns = tolerance_columns(replayer, [], residual)
     every = np.ones(len(residual), dtype=bool)
@@ -61,3 +68,12 @@ def test_a_log_that_was_simulated_with_half_the_step_is_explained(tmp_path: Path
     assert power > 5.0**2  # the residual is that beside a simulation without an error of the step
     assert rest < 0.01 * power
     assert np.abs(sizes).max() < 3.0
+
+
+def test_a_log_that_was_simulated_with_the_step_of_replays_is_exact(study: Study) -> None:
+    """Also at the times of commands, before which there are ten steps under the same one."""
+    with Replayer(study) as replayer:
+        replayer.own_step = True
+
+        assert replayer.step == 0.5
+        assert np.abs(replayer.residual([])).max() < 1e-6
