@@ -144,7 +144,7 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
     assert fewer == pytest.approx(0.25 * other)
 
 
-def test_a_cause_has_its_value_in_the_place_of_its_deviation(tmp_path: Path) -> None:
+def test_a_cause_has_its_value_and_no_deviation_beside_it(tmp_path: Path) -> None:
     with Replayer(study_of(tmp_path, [])) as replayer:
         mass, lower = (candidate(replayer.system, "link_mass", one) for one in ("upper", "lower"))
         part = (mass, mass.null_values() | {"mass": 0.02})
