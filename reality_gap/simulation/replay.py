@@ -77,7 +77,8 @@ def replay(
     """Replay a study on a plant.
 
     A controller reads its sensors before it commands: a force that was read at the time of a
-    command belongs to the command before it. Positions and velocities depend on no command.
+    command belongs to the command before it. Positions and velocities of the model depend on no
+    command; what effects add to them may, as the stretch of an elastic tendon does.
 
     Args:
         plant: the model and its effects; probes are added to its spec.
@@ -104,13 +105,19 @@ def replay(
             continue
         rows = _rows(model, episode)
         record = _simulate(plant, model, study, episode, float(start), rows, cache)
+        plain = record.sensors.copy() if plant.effects.readings else record.sensors
         for effect in plant.effects.readings:
             effect(record)
         at = measured.episode == e
+        prediction[at] = 0.0
         columns = np.array([record.column(c.sensor, c.component) for c in study.channels])
-        channel, time = measured.channel[at], measured.time[at]
-        step = _steps(record, episode, rows, time, forces[channel])
-        prediction[at] = _interpolate(record, step, time, columns[channel])
+        channel, time = measured.channel[at], measured.time[at] / _step(record)
+        parts: list[tuple[Floats, Bools | bool]] = [(plain, forces[channel])]
+        if plant.effects.readings:
+            parts.append((record.sensors - plain, True))
+        for values, forced in parts:
+            steps = _steps(episode, rows, time, measured.time[at], forced)
+            prediction[at] += _interpolate(values, steps, time, columns[channel])
         records.append(record)
     return Replay(measured.align(prediction), tuple(records))
 
@@ -163,7 +170,7 @@ def _simulate(
 
 
 def _steps(
-    record: Record, episode: Episode, rows: Ints, time: Floats, forces: Bools
+    episode: Episode, rows: Ints, now: Floats, time: Floats, forces: Bools | bool
 ) -> tuple[Ints, Ints]:
     """Return the earlier and the later step between which, or after which, readings are taken.
 
@@ -171,28 +178,35 @@ def _steps(
     follow from two steps under the command before them; from one if there are no two.
 
     Args:
-        record: what was simulated.
         episode: when commands were given.
         rows: see `_rows`.
-        time: of the readings, shape (m,) [s].
-        forces: whether each reading is a force, which depends on the command, shape (m,).
+        now: time of the readings in physics steps, shape (m,).
+        time: the same, shape (m,) [s].
+        forces: whether readings are forces, which depend on the command, shape (m,) or ().
     """
-    now = np.floor(time / _step(record) + 1e-9).astype(int)
+    floor = np.floor(now + 1e-9).astype(int)
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)
     last = np.searchsorted(rows, allowed, side="right") - 1
     first = np.searchsorted(rows, allowed, side="left")
-    before = np.minimum(np.maximum(np.minimum(now, last), first), len(rows) - 1)
-    later = np.where(forces, before, np.clip(now + 1, 1, len(rows) - 1))
+    before = np.minimum(np.maximum(np.minimum(floor, last), first), len(rows) - 1)
+    later = np.where(forces, before, np.clip(floor + 1, 1, len(rows) - 1))
     return np.where(forces & (before <= first), later, later - 1), later
 
 
-def _interpolate(record: Record, steps: tuple[Ints, Ints], time: Floats, column: Ints) -> Floats:
-    """Return readings at ``time`` (m,), linear between two steps, or the same at a single one."""
+def _interpolate(values: Floats, steps: tuple[Ints, Ints], now: Floats, column: Ints) -> Floats:
+    """Return values between two steps, or the same at a single one, shape (m,).
+
+    Args:
+        values: of all sensors at each step, shape (k, nsensordata).
+        steps: see `_steps`.
+        now: time of the readings in physics steps, shape (m,).
+        column: of each reading, shape (m,).
+    """
     earlier, later = steps
-    slope = record.sensors[later, column] - record.sensors[earlier, column]
-    return record.sensors[later, column] + (time / _step(record) - later) * slope
+    slope = values[later, column] - values[earlier, column]
+    return np.asarray(values[later, column] + (now - later) * slope)
 
 
 def _step(record: Record) -> float:
     """Return the physics step [s]."""
-    return float(record.time[1] - record.time[0])
+    return float(record.model.opt.timestep)

@@ -12,6 +12,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from reality_gap.causes import CATALOGUE
+from reality_gap.causes.base import Location
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.types import Floats
@@ -62,17 +65,40 @@ def loop(every: int) -> tuple[Floats, Floats, Floats]:
     return time, command, readings
 
 
+def study_of(path: Path, time: Floats, command: Floats, values: Floats) -> Study:
+    """Study of readings (n, 4) at the times (n,) of commands (n, 1)."""
+    readings = tuple(Reading(time, values[:, c]) for c in range(4))
+    episode = Episode("loop", time, command, readings)
+    return Study("arm", path, CHANNELS, (episode,), Initial(settle=0.0))
+
+
 @pytest.mark.parametrize("every", [1, 2, 5])
 def test_they_are_those_of_a_simulation_with_the_same_step(tmp_path: Path, every: int) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(ARM)
-    time, command, values = loop(every)
-    readings = tuple(Reading(time, values[:, c]) for c in range(4))
-    episode = Episode("loop", time, command, readings)
-    replayer = Replayer(Study("arm", path, CHANNELS, (episode,), Initial(settle=0.0)), step=1.0)
+    replayer = Replayer(study_of(path, *loop(every)), step=1.0)
 
     error = replayer.measured.value - replayer.replay([]).prediction
 
     later = replayer.measured.time > 0.0  # no command was before the first readings
     assert np.std(replayer.measured.value) > 0.3
     np.testing.assert_allclose(error[later], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_an_elastic_gear_is_bent_by_the_command_before(tmp_path: Path, every: int) -> None:
+    """The encoder of a motor without inertia is ahead by the torque times the compliance."""
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    time, command, values = loop(every)
+    values[:, 0] += 0.02 * values[:, 3]
+    replayer = Replayer(study_of(path, time, command, values), step=1.0)
+    gear, hinge = CATALOGUE["joint_elasticity"], Location("joint", ("hinge",))
+    candidate = Candidate(gear, hinge, gear.parameters(replayer.system, hinge))
+    bent = [(candidate, candidate.null_values() | {"compliance": 0.02})]
+
+    error = replayer.measured.value - replayer.replay(bent).prediction
+
+    angle = (replayer.measured.channel == 0) & (replayer.measured.time > every * STEP)
+    assert np.std(0.02 * values[:, 3]) > 0.005
+    np.testing.assert_allclose(error[angle], 0.0, atol=1e-9)
