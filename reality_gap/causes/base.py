@@ -272,6 +272,7 @@ class Effects:
         commands: applied to the commands of an episode, in order.
         hooks: called before physics steps.
         readings: applied to the record of an episode, in order.
+        bent: those of them that add a function of forces, which jump with the commands.
         starts: applied in reverse order to the states in which an episode begins.
         motions: applied in order to the measured motion, where efforts are computed.
         efforts: applied in order to computed efforts; these have no other readings.
@@ -280,6 +281,7 @@ class Effects:
     commands: list[Command] = field(default_factory=list)
     hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
+    bent: list[ReadingEffect] = field(default_factory=list)
     starts: list[StartEffect] = field(default_factory=list)
     motions: list[MotionEffect] = field(default_factory=list)
     efforts: list[EffortEffect] = field(default_factory=list)
