@@ -272,7 +272,8 @@ class Effects:
         commands: applied to the commands of an episode, in order.
         hooks: called before physics steps.
         readings: applied to the record of an episode, in order.
-        bent: those of them that add a function of forces, which jump with the commands.
+        of_forces: those of them that add a function of ``record.force`` to positions or velocities.
+            Forces jump with the commands, and readings are taken under the command before.
         starts: applied in reverse order to the states in which an episode begins.
         motions: applied in order to the measured motion, where efforts are computed.
         efforts: applied in order to computed efforts; these have no other readings.
@@ -281,7 +282,7 @@ class Effects:
     commands: list[Command] = field(default_factory=list)
     hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
-    bent: list[ReadingEffect] = field(default_factory=list)
+    of_forces: list[ReadingEffect] = field(default_factory=list)
     starts: list[StartEffect] = field(default_factory=list)
     motions: list[MotionEffect] = field(default_factory=list)
     efforts: list[EffortEffect] = field(default_factory=list)

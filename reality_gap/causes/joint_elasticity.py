@@ -105,7 +105,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     if softer != 1.0 or _has_rotor(system.model, joint, name):
         effects.add_hook(make)
     effects.readings.append(read)
-    effects.bent.append(read)
+    effects.of_forces.append(read)
 
 
 def _prior(location: Location) -> float:

@@ -65,7 +65,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     if fed:
         effects.add_hook(lambda model: _SagHook(model, fed, slack, scale))
     effects.readings.append(read)
-    effects.bent.append(read)
+    effects.of_forces.append(read)
 
 
 class _SagHook:

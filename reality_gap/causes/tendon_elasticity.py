@@ -70,7 +70,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     if any(tendon.servo for tendon in tendons):
         effects.commands.append(lag)
     effects.readings.append(stretch)
-    effects.bent.append(stretch)
+    effects.of_forces.append(stretch)
 
 
 def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> tuple[float, float]:

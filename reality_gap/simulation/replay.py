@@ -114,7 +114,7 @@ def replay(
         channel, time = measured.channel[at], measured.time[at] / _step(record)
         parts: list[tuple[Floats, Bools | bool]] = [(plain, forces[channel])]
         if plant.effects.readings:
-            jump = True if plant.effects.bent else forces[channel]
+            jump = True if plant.effects.of_forces else forces[channel]
             parts.append((record.sensors - plain, jump))
         for values, forced in parts:
             steps = _steps(episode, rows, time, measured.time[at], forced)

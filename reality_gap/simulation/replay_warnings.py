@@ -71,9 +71,11 @@ def _coarse_step(replayer: Replayer) -> list[str]:
         if effect > COARSE or error > UNKNOWN:
             worst = max(worst, (effect, error, channel.name))
     effect, error, name = worst
-    if not name:
-        return []
     step = float(study.spec().option.timestep)
+    replayed = f"replays have {1e3 * step * replayer.step:.3g} ms"
+    if not name:
+        diverged = f"the model diverges with its time step of {1e3 * step:.3g} ms; {replayed}"
+        return [] if replayer.model_error is None else [diverged]
     # The effect is of first order, and what extrapolation leaves is of second order.
     share = 0.5 * min(COARSE / max(effect, COARSE), np.sqrt(UNKNOWN / max(error, UNKNOWN)))
     finer = _rounded(step * share)
@@ -84,7 +86,7 @@ def _coarse_step(replayer: Replayer) -> list[str]:
         f"errors of the model do not show; use a finer step{advice}"
     )
     if replayer.model_error is not None:
-        text += f" (replays have {1e3 * step * replayer.step:.3g} ms)"
+        text += f" ({replayed})"
     return [text]
 
 

@@ -117,6 +117,9 @@ def test_a_model_that_diverges_at_its_own_step_only_is_replayed_with_a_finer_one
 
     assert not np.isfinite(Replayer(study, step=1.0).replay([]).prediction).all()
     assert Replayer(study).step == 0.5
+    assert replay_warnings(study) == [
+        "the model diverges with its time step of 16 ms; replays have 8 ms"
+    ]
 
 
 def test_processes_have_the_same_step(tmp_path: Path) -> None:
