@@ -8,6 +8,10 @@ same filter (parallel filtering); as many samples are kept as are independent af
 positions becomes noise of the computed efforts. The filter makes the noise of their difference
 white, see `reality_gap.simulation.effort_filter`; its size is found by adding the same noise once
 more.
+
+Forces of contacts are left out. They follow from how deep geoms are in each other, which measured
+positions do not show: an error of the noise, or of rounding where geoms only touch, is a force of
+any size. `check` names the bodies that touch.
 """
 
 from __future__ import annotations
@@ -46,7 +50,7 @@ AT_REST = 0.01
 LEAST = 10
 """Number of samples in motion below which an effort is not compared."""
 FRICTION_RATE = 1e6
-"""Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
+"""Damping of the constraint of dry friction [1/s]; see `_compile`."""
 
 
 def ensure_prepared(study: Study) -> Study:
@@ -74,8 +78,7 @@ def prepare(study: Study) -> Study:
             moves.
     """
     plant = Plant(light_spec(study.spec()), Effects())
-    model = plant.spec.compile()
-    _stiffen_dry_friction(model)
+    model = _compile(plant)
     columns = _position_channels(study, model)
     efforts = [c for c, channel in enumerate(study.channels) if channel.kind == "effort"]
     noise = channel_noise(study)
@@ -191,7 +194,7 @@ def inverse_replay(
         measured: the readings of that study.
         only: indices of the episodes to compute; by default all.
         soft: whether dry friction changes its sign before the velocity, as in simulations; see
-            `_stiffen_dry_friction`.
+            `_compile`.
 
     Returns:
         The predicted efforts and the simulated signals.
@@ -199,9 +202,7 @@ def inverse_replay(
     Raises:
         StudyError: the study is not prepared.
     """
-    model = plant.spec.compile()
-    if not soft:
-        _stiffen_dry_friction(model)
+    model = _compile(plant, soft)
     dofs = [_dof(model, channel) for channel in study.channels]
     prediction = np.full(len(measured.value), np.nan)
     records = []
@@ -294,15 +295,19 @@ def _applied_force(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[H
     return force
 
 
-def _stiffen_dry_friction(model: mujoco.MjModel) -> None:
-    """Let dry friction oppose the measured velocity.
+def _compile(plant: Plant, soft: bool = False) -> mujoco.MjModel:
+    """Compile a plant for inverse dynamics, without contacts.
 
-    In MuJoCo it is a soft constraint on a + B v, which changes its sign 1/B before the velocity
-    does. By default this is 10 ms, for stability of the simulation. Nothing is integrated here, so
-    that B can be large.
+    Unless friction is ``soft``, it opposes the measured velocity. In MuJoCo it is a soft constraint
+    on a + B v, which changes its sign 1/B before the velocity does. By default this is 10 ms, for
+    stability of the simulation. Nothing is integrated here, so that B can be large.
     """
-    model.dof_solref[:] = (0.0, -FRICTION_RATE)
-    model.tendon_solref_fri[:] = (0.0, -FRICTION_RATE)
+    model: mujoco.MjModel = plant.spec.compile()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if not soft:
+        model.dof_solref[:] = (0.0, -FRICTION_RATE)
+        model.tendon_solref_fri[:] = (0.0, -FRICTION_RATE)
+    return model
 
 
 def _position_channels(study: Study, model: mujoco.MjModel) -> list[int]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Record
+from reality_gap.simulation.inverse_dynamics import ensure_prepared
+from reality_gap.simulation.prepared_episode import prepared_episodes
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Episode, Study
+from reality_gap.types import Floats
 
 SECONDS, EPISODES = 5.0, 3
 """How much of an episode is replayed [s], and of how many episodes."""
@@ -28,15 +31,50 @@ MOST = 3
 """Largest number of pairs that are reported."""
 
 
+class _Touch(NamedTuple):
+    """A pair of bodies that touch in a share of a motion, and what this means."""
+
+    one: str
+    other: str
+    share: float
+    reason: str
+
+    def sentence(self, motion: str) -> str:
+        """Return the sentence that says so of a motion."""
+        pair, share = f"{self.one} and {self.other} of the model", 100.0 * self.share
+        return f"{pair} touch in {share:.0f} % of {motion}; {self.reason}"
+
+
 def replay_warnings(study: Study) -> list[str]:
-    """Return sentences on the time step and on contacts in replays of the nominal model."""
+    """Return sentences on the time step and on contacts in replays of the nominal model.
+
+    Of a study of efforts, those are said that touch in the measured motion.
+    """
     if study.inverse:
-        return []
+        return _touches_of_measured_motion(study)
     with Replayer(_shortened(study)) as replayer:
         replay = replayer.replay([])
         if not np.isfinite(replay.prediction).all():
             return []
-        return [*_coarse_step(replayer), *_contacts(replayer.system.model, replay.records)]
+        motions = [record.qpos for record in replay.records]
+        touches = _touches(replayer.system.model, motions)
+        return [*_coarse_step(replayer), *map(_exclude, touches)]
+
+
+def _exclude(touch: _Touch) -> str:
+    """Return the sentence on a pair that touches in a replay."""
+    pair = f'<exclude body1="{touch.one}" body2="{touch.other}"/>'
+    return f"{touch.sentence('its replay')}. If the machine does not touch there, add {pair}"
+
+
+def _touches_of_measured_motion(study: Study) -> list[str]:
+    """Return a sentence on each pair of bodies that touch where efforts were measured."""
+    motions = [episode.motion.qpos for episode in prepared_episodes(ensure_prepared(study))]
+    return [
+        f"{touch.sentence('the measured motion')}. Positions do not show how firmly, and efforts "
+        "are compared without the forces of contacts"
+        for touch in _touches(study.spec().compile(), motions)
+    ]
 
 
 def _shortened(study: Study) -> Study:
@@ -96,16 +134,21 @@ def _rounded(step: float) -> float:
     return float(max(x * power for x in (1.0, 2.0, 5.0) if x * power <= step * (1 + 1e-9)))
 
 
-def _contacts(model: mujoco.MjModel, records: tuple[Record, ...]) -> list[str]:
-    """Return a sentence on each pair of bodies that touch often, the most frequent first."""
+def _touches(model: mujoco.MjModel, motions: Sequence[Floats]) -> list[_Touch]:
+    """Return the pairs of bodies that touch often, the most frequent first.
+
+    Args:
+        model: the model.
+        motions: positions of the joints in each episode, shape (k, nq) each.
+    """
     counts, moments = Counter[tuple[int, int]](), 0
-    for record in records:
-        rows = np.unique(np.linspace(0, len(record.time) - 1, SAMPLES).astype(int))
+    for qpos in motions:
+        rows = np.unique(np.linspace(0, len(qpos) - 1, SAMPLES).astype(int))
         moments += len(rows)
         for row in rows:
-            counts.update(set(_touching(model, record.qpos[row])))
+            counts.update(set(_touching(model, qpos[row])))
     return [
-        _contact_sentence(model, pair, count / moments)
+        _touch(model, pair, count / moments)
         for pair, count in counts.most_common(MOST)
         if count > OFTEN * moments
     ]
@@ -124,14 +167,11 @@ def _touching(model: mujoco.MjModel, qpos: np.ndarray) -> Iterator[tuple[int, in
             yield (one, other) if one < other else (other, one)
 
 
-def _contact_sentence(model: mujoco.MjModel, pair: tuple[int, int], share: float) -> str:
+def _touch(model: mujoco.MjModel, pair: tuple[int, int], share: float) -> _Touch:
     one, other = (model.body(i).name or f"body {i}" for i in pair)
     if model.body_weldid[pair[0]] == 0:
         what = f"{one} is fixed to the world" if pair[0] else "this is the world"
         reason = f"{what}, with which MuJoCo lets every link collide, also the next one"
     else:
         reason = "both are links of the machine"
-    return (
-        f"{one} and {other} of the model touch in {100.0 * share:.0f} % of its replay; {reason}. "
-        f'If the machine does not touch there, add <exclude body1="{one}" body2="{other}"/>'
-    )
+    return _Touch(one, other, share, reason)

@@ -130,6 +130,26 @@ def test_the_actual_machine_explains_its_torques_but_its_model_does_not(
     assert np.all(errors(study, Plant(study.spec(), Effects())) > 0.10)
 
 
+@pytest.mark.parametrize(
+    "stand",
+    ['type="sphere" size="0.05" pos="0.3 0.05 0"', 'type="plane" size="1 1 1" pos="0 0 -0.1"'],
+)
+def test_contacts_whose_depth_positions_do_not_show_change_no_torque(
+    study: Study, tmp_path: Path, stand: str
+) -> None:
+    path = tmp_path / "touching.xml"
+    path.write_text(ARM.replace("<worldbody>", f"<worldbody><geom {stand}/>"), encoding="utf-8")
+    touching, free = replace(study, model=path), Plant(study.spec(), Effects())
+    own = errors(touching, Plant(touching.spec(), Effects()))
+    np.testing.assert_array_equal(own, errors(study, free))
+    assert not [text for text in check_study(study) if "touch" in text]
+    sentences = [text for text in check_study(touching) if "touch" in text]
+    assert sentences
+    for text in sentences:
+        assert "of the measured motion" in text
+        assert "without the forces of contacts" in text
+
+
 def test_speeds_and_forces_of_joints_are_those_of_the_log(
     study: Study, log: tuple[Floats, Floats, Floats]
 ) -> None:
