@@ -77,7 +77,7 @@ def prepare(study: Study) -> Study:
         StudyError: a joint of the model is not measured, the episodes are too short, or no joint
             moves.
     """
-    plant = Plant(light_spec(study.spec()), Effects())
+    plant = Plant(light_spec(study.spec(), contacts=False), Effects())
     model = _compile(plant)
     columns = _position_channels(study, model)
     efforts = [c for c, channel in enumerate(study.channels) if channel.kind == "effort"]

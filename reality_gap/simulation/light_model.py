@@ -26,7 +26,7 @@ POSES = 200
 """Largest number of poses of a motion at which distances are examined."""
 
 
-def light_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+def light_spec(spec: mujoco.MjSpec, contacts: bool = True) -> mujoco.MjSpec:
     """Return a copy of a model without visual elements, if it has meshes or textures.
 
     Geoms that can collide with no other geom are visual, too. Masses and inertias stay. A model
@@ -34,12 +34,14 @@ def light_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 
     Args:
         spec: the model; it is not changed.
+        contacts: whether geoms may collide; if not, all of them are visual.
     """
     light: mujoco.MjSpec = spec.copy()
     sees = any(sensor.type in SEEING for sensor in light.sensors)
     if sees or not (light.meshes or light.textures or light.skins):
         return light
-    for geom, collides in zip(light.geoms, can_collide(light.copy().compile()), strict=True):
+    able = can_collide(light.copy().compile()) if contacts else [False] * len(light.geoms)
+    for geom, collides in zip(light.geoms, able, strict=True):
         if not collides:
             geom.contype = geom.conaffinity = 0
     light.discard_visual()

@@ -401,12 +401,11 @@ class Replayer:
     @cached_property
     def _light(self) -> mujoco.MjSpec:
         """The study's model without visual elements, and without meshes that touch nothing."""
-        study, light = self.system.study, light_spec(self.system.study.spec())
-        if not light.meshes:
+        study = self.system.study
+        light = light_spec(study.spec(), contacts=not study.inverse)
+        if study.inverse or not light.meshes:
             return light
-        plant = build(self.system, self.usual, light)
-        run = inverse_replay if study.inverse else replay
-        found = run(plant, study, self.measured)
+        found = replay(build(self.system, self.usual, light), study, self.measured)
         qpos = np.concatenate([record.qpos for record in found.records])
         return without_distant_meshes(light, qpos) if np.isfinite(qpos).all() else light
 

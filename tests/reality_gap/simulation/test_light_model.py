@@ -55,6 +55,15 @@ def test_a_light_model_moves_as_before_and_is_small() -> None:
     assert spec.to_xml() == text
 
 
+def test_a_model_whose_contacts_do_not_count_keeps_what_wires_wrap_around() -> None:
+    spec = mujoco.MjSpec.from_string(MODEL)
+    light = light_spec(spec, contacts=False)
+    assert [geom.name for geom in light.geoms] == ["pulley"]
+    masses, own = light.compile(), spec.compile()
+    np.testing.assert_allclose(masses.body_mass, own.body_mass)
+    np.testing.assert_allclose(masses.body_inertia, own.body_inertia)
+
+
 def test_a_model_without_meshes_stays_as_it_is() -> None:
     spec = mujoco.MjSpec.from_string(MODEL.replace('type="mesh" mesh="shape"', 'size="0.1"'))
     spec.delete(spec.meshes[0])
