@@ -31,6 +31,9 @@ FEW = 20
 COARSE = 8
 """Number of different values of a channel below which its sensor is coarse."""
 
+BEYOND = 0.05
+"""Distance from a joint's range, over the range, from which on a position is outside it."""
+
 NEEDS_MOTION = ("coulomb_friction", "viscous_friction", "direction_dependent_friction", "backlash")
 """Ids of causes that show in motion only."""
 
@@ -46,6 +49,7 @@ def check_study(study: Study) -> tuple[str, ...]:
         *_noise(study),
         *_quiet(study),
         *_beginnings(study),
+        *_beyond_stops(study),
         *_left_out_efforts(study),
         *implausible_channels(study),
         *replay_warnings(study),
@@ -251,21 +255,42 @@ def _left_out_efforts(study: Study) -> list[str]:
     ]
 
 
-def _beginnings(study: Study) -> list[str]:
-    """Warn of initial joint positions that contradict the joint's range or its first reading."""
-    model = study.spec().compile()
+def _position_channels(study: Study, model: mujoco.MjModel) -> dict[str, int]:
+    """Return the channel of the position of each joint that is measured."""
     jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
-    read = {
+    return {
         model.joint(int(model.sensor(channel.sensor).objid[0])).name: i
         for i, channel in enumerate(study.channels)
         if channel.kind == "sensor" and int(model.sensor(channel.sensor).type[0]) == jointpos
     }
-    found = []
+
+
+def _beyond_stops(study: Study) -> list[str]:
+    """Warn of joints that were measured where the model's stop pushes them back."""
+    model, found = study.spec().compile(), []
+    for name, channel in _position_channels(study, model).items():
+        joint, values = model.joint(name).id, _values(study, channel)
+        low, high = model.jnt_range[joint]
+        if not model.jnt_limited[joint] or not len(values):
+            continue
+        far = max(values.max() - high, low - values.min())
+        if far > BEYOND * (high - low):
+            found.append(
+                f"{name} is measured up to {far:.3g} beyond its range in the model, {low:.3g} to "
+                f"{high:.3g}, where the model has a stop; widen the range if the machine has none"
+            )
+    return found
+
+
+def _beginnings(study: Study) -> list[str]:
+    """Warn of initial joint positions that contradict the joint's range or its first reading."""
+    model = study.spec().compile()
+    read, found = _position_channels(study, model), []
     for episode in study.episodes:
         for name, position in {**study.initial.joints, **episode.joints}.items():
             joint = model.joint(name)
             low, high = model.jnt_range[joint.id]
-            slack = 0.05 * (high - low)
+            slack = BEYOND * (high - low)
             if model.jnt_limited[joint.id] and not low - slack <= position <= high + slack:
                 found.append(
                     f"{episode.name} begins with {name} at {position:.3g}, outside its range in "

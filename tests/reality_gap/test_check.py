@@ -137,6 +137,20 @@ def test_an_initial_position_that_contradicts_the_log(study_folder: Any) -> None
     assert "'joints: first_reading' uses the reading" in sentences
 
 
+def test_a_joint_that_was_measured_beyond_a_stop_of_the_model(study_folder: Any) -> None:
+    study = load_study(study_folder.write())
+    low, high = study.spec().compile().joint("elbow").range
+    [angle] = [i for i, channel in enumerate(study.channels) if channel.sensor == "angle_elbow"]
+    most = max(episode.readings[angle].value.max() for episode in study.episodes)
+    beyond = 0.1 * (high - low)
+    for columns in study_folder.logs.values():
+        if "angle_elbow" in columns:
+            shifted = [x + high + beyond - most for x in columns["angle_elbow"]]
+            columns["angle_elbow"] = shifted
+    sentences = sentences_of(study_folder)
+    assert f"elbow is measured up to {beyond:.3g} beyond its range in the model" in sentences
+
+
 def test_a_residual_that_no_fault_causes(study_folder: Any) -> None:
     study_folder.content["sensors"]["length_flexor"]["noise"] = 1e-10
     sentences = sentences_of(study_folder)
