@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import eigh, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
-from reality_gap.simulation.measured_motion import EDGE, Motion
+from reality_gap.simulation.measured_motion import EDGE, Motion, gaps_of
 from reality_gap.study.data import Reading
 from reality_gap.types import Floats
 
@@ -118,7 +118,8 @@ def _sections(share: float) -> Floats:
 def independent_samples(motion: Motion, reading: Reading, dof: int, period: float) -> Reading:
     """Return the independent samples of a measured effort after the low-pass filter.
 
-    Samples at which the joint stands still are left out.
+    Samples at which the joint stands still are left out, and those so near to a gap in the readings
+    that the filter knows too little there.
 
     Args:
         motion: the motion along which it was measured.
@@ -131,6 +132,9 @@ def independent_samples(motion: Motion, reading: Reading, dof: int, period: floa
     edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))
     kept = np.arange(edge, len(motion.time) - edge, _stride(motion))
     kept = kept[~motion.still[kept, dof]]
+    for begin, end in [*motion.gaps, *gaps_of(reading, motion.cutoff)]:
+        since, until = motion.time[kept] - begin, end - motion.time[kept]
+        kept = kept[np.minimum(since, until) < -EDGE / motion.cutoff]
     return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
 
 

@@ -95,8 +95,11 @@ def prepare(study: Study) -> Study:
     ]
     moving = [k for k in range(len(efforts)) if sum(len(r[k].time) for r in readings) >= LEAST]
     if not moving:
+        gaps = any(len(motion.gaps) for motion in motions)
+        where = " between the gaps in their readings" if gaps else ""
         raise StudyError(
-            "the joints of all efforts hardly move; their forces can be compared in motion only"
+            f"the joints of all efforts hardly move{where}; their forces can be compared in motion "
+            "only"
         )
     efforts, dofs = [efforts[k] for k in moving], [dofs[k] for k in moving]
     effort_noise = np.zeros(model.nv)

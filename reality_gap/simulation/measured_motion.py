@@ -41,6 +41,10 @@ SHORTEST = 7.0
 """Least length of an episode [periods of the cutoff]."""
 TOGETHER = 6.0
 """Least length of all episodes together, without their ends [periods of the cutoff]."""
+GAP = 0.5
+"""Time without a reading from which on samples near it are left out [periods of the cutoff]."""
+LOST = 5.0
+"""Time without a reading, over the usual one, from which on a spectrum needs it filled."""
 SLOW = 0.01
 """Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 
@@ -55,6 +59,7 @@ class Motion:
             (k, nv) and (k, nv).
         cutoff: cutoff of the low-pass filter of the efforts [Hz].
         still: whether each joint stands still, shape (k, nv).
+        gaps: begin and end of each time without a position of some joint, shape (g, 2) [s].
     """
 
     time: Floats
@@ -63,6 +68,7 @@ class Motion:
     qacc: Floats
     cutoff: float
     still: Bools
+    gaps: Floats
 
     @property
     def step(self) -> float:
@@ -81,6 +87,17 @@ def period_of(reading: Reading) -> float:
             f"a reading has {len(reading.time)} samples, but inverse dynamics need at least 10"
         )
     return float(np.median(np.diff(reading.time)))
+
+
+def gaps_of(reading: Reading, cutoff: float) -> Floats:
+    """Return begin and end of each gap in a reading that is too long for a filter, (g, 2) [s].
+
+    Args:
+        reading: the reading.
+        cutoff: cutoff of the low-pass filter of the efforts [Hz].
+    """
+    long = np.flatnonzero(np.diff(reading.time) > GAP / cutoff)
+    return np.stack([reading.time[long], reading.time[long + 1]], axis=1)
 
 
 def effort_cutoff(
@@ -143,9 +160,27 @@ def _spectra(episodes: Sequence[Episode], column: int, size: int) -> tuple[Float
         size: number of samples of the parts of a log whose powers are averaged.
     """
     rate = 1.0 / max(period_of(e.readings[column]) for e in episodes)
-    values = [e.readings[column].value for e in episodes]
+    values = [_filled(e.readings[column]) for e in episodes]
     powers = [len(value) * welch(value, rate, nperseg=size)[1] for value in values]
     return np.asarray(np.fft.rfftfreq(size, 1.0 / rate)), np.array(powers)
+
+
+def _filled(reading: Reading) -> Floats:
+    """Return the values of a reading, with values between the others where some were lost.
+
+    A jump from one to the other would have all frequencies.
+    """
+    period = period_of(reading)
+    steps = np.diff(reading.time)
+    lost = np.where(steps > LOST * period, np.rint(steps / period) - 1, 0).astype(int)
+    if not lost.any():
+        return reading.value
+    missing = [
+        np.linspace(reading.time[i], reading.time[i + 1], lost[i] + 2)[1:-1]
+        for i in np.flatnonzero(lost)
+    ]
+    time = np.sort(np.concatenate([reading.time, *missing]))
+    return np.interp(time, reading.time, reading.value)
 
 
 def measured_motions(
@@ -217,7 +252,8 @@ def _motion(
     stride = max(1, int(1.0 / (GRID_RATE * cutoff * period)))
     kept = slice(None, None, stride)
     still = _standing_still(qvel, noise, cutoff, period)
-    return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff, still[kept])
+    gaps = np.concatenate([gaps_of(r, cutoff) for r in readings])
+    return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff, still[kept], gaps)
 
 
 def _standing_still(qvel: Floats, noise: Floats, cutoff: float, period: float) -> Bools:
