@@ -76,7 +76,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         return (*_force(system, location), *_times_of_train(total, location.note))
     count = min(STARTS, max(1, round(2 * total)))
     starts = tuple(total * (i + 0.25) / count for i in range(count))
-    duration = max(0.4, 0.75 * total / count)
+    duration = total / count  # one push begins where another ends, so that they add up to long ones
     return (
         *_force(system, location),
         Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),

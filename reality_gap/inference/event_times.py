@@ -7,6 +7,9 @@ own: first several durations, at each of which the other parameters are refitted
 then moves of one edge that keep the others. After such a move the size of the event is refitted
 along its replayed effect ``e``: with the whitened residual ``r`` without the event, the best size
 is ``r'e / e'e``.
+
+An effort shows a push at that moment only. An edge within a block of the report split therefore has
+no readings to which it could be fitted, and is moved to where that block shows it.
 """
 
 from __future__ import annotations
@@ -29,8 +32,11 @@ STEPS = (2.0, 1.0, 0.5, 0.25, 0.1)
 """Moves of an edge, in scales of its time, from large to small."""
 REPEATS = 6
 """Largest number of successive moves of one size."""
-GAIN = 0.2
-"""Smallest decrease of the misfit for which an edge is moved [nats]."""
+GAIN, SHARE = 0.2, 0.01
+"""Smallest decrease of the misfit for which an edge is moved, whichever is less [nats, share].
+Where a model is wrong by many noises, few nats are all there are."""
+GRID = 10
+"""Number of steps of an edge across a block of readings that are not fitted."""
 LARGEST = 4.0
 """Largest factor by which the size of the event is changed."""
 
@@ -57,20 +63,20 @@ def search_times(problem: Problem, old: Fit, base: Fit) -> Stepwise[Fit]:
     first = cost
     for trial in _durations(candidate, best, timed):
         other, left = yield from _refitted(problem, others, candidate, trial, base)
-        if left < cost - GAIN:
+        if left < _improved(cost):
             best, cost = other, left
     if trials := _later(candidate, best, timed):
         other, left, scale = yield from _best_of(problem, others, candidate, trials, without)
-        if left < cost - GAIN:
+        if left < _improved(cost):
             best, cost, size = other, left, scale
     for step in STEPS:
         for _ in range(REPEATS):
             trials = [_moved(candidate, best, timed, step * move) for move in moves]
             other, left, scale = yield from _best_of(problem, others, candidate, trials, without)
-            if left > cost - GAIN:
+            if left > _improved(cost):
                 break
             best, cost, size = other, left, scale
-    if cost > first - GAIN:
+    if cost > _improved(first):
         return old
     start: Hypothesis = [*others, (candidate, _resized(candidate, best, timed, size))]
     new = yield from fit_stepwise(problem, start)
@@ -175,6 +181,11 @@ def _resized(
         if p.name not in timed:
             found[p.name] = float(np.clip(p.null + size * (found[p.name] - p.null), p.low, p.high))
     return found
+
+
+def _improved(cost: float) -> float:
+    """Return the misfit below which a change of times is an improvement [nats]."""
+    return cost - min(GAIN, SHARE * cost)
 
 
 def _left(without: Floats, residual: Floats) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.end_stops import Stop, refuting_stop
+from reality_gap.inference.event_times import search_times, times_of
 from reality_gap.inference.gauss_newton import (
     Fit,
     Stepwise,
@@ -207,7 +208,7 @@ def _judge(settled: Settled, settings: Settings) -> Step:
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
     without = evidence_without(base.evidence, tried)
     if tried[0].evidence - without > needed:
-        tried = polish(problem, tried)
+        tried = polish(problem, tried, base)
         without = evidence_without(base.evidence, tried)
     return Step(base, tried, tried[0].evidence - without, needed)
 
@@ -236,16 +237,18 @@ def _screen_beside(
     return screen(problem.replayer, unique, base.residual, base=base.hypothesis)
 
 
-def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
+def polish(problem: Problem, tried: Sequence[Fit], base: Fit) -> tuple[Fit, ...]:
     """Refit the candidates that are close to the best with finite differences.
 
     Quick fits use slopes at the null. With stick-slip these lead to a minimum beside the true one,
     and the rest of a full fit is worth more than the difference between candidates, and to a
-    deviation that is no fault.
+    deviation that is no fault. Times of an event are searched again, because it was fitted with
+    noise as large as what remains without it.
 
     Args:
         problem: what is to be explained.
-        tried: fits, best first.
+        tried: fits of ``base`` with one candidate more each, best first.
+        base: the fit without these.
 
     Returns:
         All fits, best first.
@@ -256,8 +259,16 @@ def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
         close = [f for f in rest if f.raw_evidence >= best - CLOSE * max(best, 0.0) ** 0.5]
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
-        fits = [fit_stepwise(problem, f.hypothesis, f.jacobian) for f in close]
+        fits = [_polished(problem, f, base) for f in close]
         done, rest = done + run_together(problem.replayer, fits), rest[len(close) :]
+
+
+def _polished(problem: Problem, quick: Fit, base: Fit) -> Stepwise[Fit]:
+    """Return a fit with finite differences, and with the best times if it has an event more."""
+    full = yield from fit_stepwise(problem, quick.hypothesis, quick.jacobian)
+    if times_of(full.candidates[-1]):
+        full = yield from search_times(problem, full, base)
+    return full
 
 
 def _anticipate(
@@ -340,7 +351,7 @@ def revise(result: Search, settings: Settings) -> Search:
         tried = fit_next(problem, result.sensitivities, without, settings.refits)
         needed = best.evidence + SWAP - without.evidence
         if tried and tried[0].evidence - without.evidence > needed:
-            tried = polish(problem, tried)
+            tried = polish(problem, tried, without)
             best = tried[0]
         gain = tried[0].evidence - without.evidence if tried else 0.0
         step = Step(without, tried, gain, needed)

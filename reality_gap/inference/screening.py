@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import product
 from typing import NamedTuple
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Parameter, SearchHints
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints
 from reality_gap.inference.checkpoint import Checkpoint, Columns
 from reality_gap.inference.repetition import repeating_periods
-from reality_gap.inference.theta import theta_bounds
+from reality_gap.inference.theta import is_time, theta_bounds
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
@@ -24,6 +24,10 @@ STEP = 0.25
 """Finite difference, in scales of a parameter."""
 CHUNK = 32
 """Number of candidates that are screened between two checkpoints."""
+LONGER = (2, 3, 4, 6, 8, 12, 16)
+"""How many short events in a row make a longer one."""
+MEMORY = 1e9
+"""Largest size of the columns of longer events [bytes]."""
 TYPICAL_FAULTS = 3.0
 """Size of a fault, in scales of a parameter, whose change of the readings decides on visibility."""
 
@@ -125,7 +129,51 @@ def screen(
             if np.all(np.isfinite(own)):
                 found.append(Sensitivity(trial.candidate, trial.names, trial.fixed, own))
         progress(min(1.0, (i + CHUNK) / len(candidates)))
-    return tuple(found)
+    return (*found, *_longer_events(found))
+
+
+def _longer_events(found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:
+    """Yield the sensitivities of events that last longer than those that were replayed.
+
+    To first order, a long event is several short ones, each of which begins where another ends.
+    There are none if they would need too much memory.
+
+    Args:
+        found: of events at all starts, and of other candidates.
+    """
+    events = dict[tuple[str, Location], dict[float, Sensitivity]]()
+    for one in found:
+        if times := _begin_and_duration(one.candidate):
+            key = one.candidate.cause.id, one.candidate.location
+            events.setdefault(key, {})[one.fixed[times[0].name]] = one
+    rows = [row for short in events.values() for row in _rows(short)]
+    if sum(row[0].columns.nbytes for row in rows) > MEMORY:
+        return
+    for first, *others in rows:
+        _, duration = _begin_and_duration(first.candidate)
+        fixed = first.fixed | {duration.name: (1 + len(others)) * first.fixed[duration.name]}
+        columns = np.sum([one.columns for one in (first, *others)], axis=0)
+        yield replace(first, fixed=fixed, columns=columns)
+
+
+def _rows(short: dict[float, Sensitivity]) -> Iterator[list[Sensitivity]]:
+    """Yield short events in a row, by their start, that make a longer one."""
+    candidate = next(iter(short.values())).candidate
+    starts = _begin_and_duration(candidate)[0].hints.starts
+    for count in LONGER:
+        for i in range(0, len(starts) - count + 1, max(1, count // 4)):
+            row = [short[start] for start in starts[i : i + count] if start in short]
+            if len(row) == count:
+                yield row
+
+
+def _begin_and_duration(candidate: Candidate) -> tuple[Parameter, ...]:
+    """Return the times of an event that has both and does not repeat; none for others."""
+    times = tuple(p for p in candidate.parameters if is_time(p))
+    if len(times) != 2 or any(p.hints.period for p in times):
+        return ()
+    first, last = times
+    return times if len(first.hints.starts) > 1 and last.low > 0.0 else ()
 
 
 class _Trial(NamedTuple):

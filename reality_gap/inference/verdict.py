@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from reality_gap.diagnosis import Criterion, Verdict
 from reality_gap.inference.end_stops import MORE
 from reality_gap.inference.forward_selection import Search, Settings, revise
+from reality_gap.inference.hidden_edges import with_hidden_edges
 from reality_gap.inference.paying import UNLIKELY, Paying, keep_paying
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
 
@@ -27,6 +28,8 @@ ABOUT = 1.1
 of the error of the nominal model, too."""
 WHOLE = 0.8
 """Share of an event's evidence that may be learned without its time if the event explains all."""
+LITTLE = 0.05
+"""Share of the RMS before that an event leaves if it explains all but the form of its edges."""
 LEARNED = "explains less than errors learned from the motion do"
 WORSE = "predicts the readings that were not used to find it worse than the model alone"
 EVENT = "is an event, although the error comes back with the motion"
@@ -114,11 +117,16 @@ def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remai
     if result.best.is_null:
         return keep_paying(result), remainder
     refuted = is_refuted(result.best.evidence, remainder, options)
-    paying = keep_paying(result if refuted else revise(result, options.search))
+    revised = result if refuted else revise(result, options.search)
+    paying = keep_paying(_with_hidden_edges(revised))
     last = paying.attempt if paying.result.best.is_null else paying.result.best
     if last.hypothesis == result.best.hypothesis:
         return paying, _or_that_of_the_model(paying, remainder)
     return paying, remainder_of(paying)
+
+
+def _with_hidden_edges(result: Search) -> Search:
+    return replace(result, best=with_hidden_edges(result.problem, result.best))
 
 
 def remainder_of(paying: Paying) -> Remainder:
@@ -213,7 +221,8 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
     ]
     # A hard stop that the machine touches in each episode looks like an event.
     if all(candidate.cause.event for candidate in best.candidates):
-        whole = remainder.after <= ABOUT * form and learned <= 0.0
+        noise = remainder.after <= ABOUT * form and learned <= 0.0
+        whole = noise or after <= LITTLE * before
         share = max(options.by_chance, WHOLE) if whole else options.by_chance
         found.append(_at_most("learned_of_event", instead, share * named, EVENT))
     return (

@@ -37,3 +37,16 @@ def blocks(measured: Measured) -> Ints:
     """Return the number of the block of each reading, from 0 on, shape (n,)."""
     block = np.column_stack([measured.episode, np.floor(measured.time / BLOCK)])
     return np.unique(block, axis=0, return_inverse=True)[1].ravel()
+
+
+def hidden_block(episode: int, time: float) -> tuple[float, float] | None:
+    """Return begin and end of the block at a time if it is of the report split [s].
+
+    Args:
+        episode: index of the episode.
+        time: time from the first command of the episode [s].
+    """
+    block = int(np.floor(time / BLOCK))
+    if TURN[(block + episode) % len(TURN)] != REPORT:
+        return None
+    return block * BLOCK, (block + 1) * BLOCK

@@ -237,6 +237,28 @@ def screw_study(folder: Path, effort: bool = False) -> Study:
     return Study("screw", path, channels, (episode,))
 
 
+def pushed_screw(folder: Path, begin: float, end: float) -> Study:
+    """A log of 12 s of a carriage's effort, with a push of 40 N between two times [s]."""
+    study = screw_study(folder, effort=True)
+    time = np.arange(0.0, 12.0, 0.01)
+    rng = np.random.default_rng(3)
+    rates, phases = np.array([6.1, 11.7, 17.3]), rng.uniform(0.0, 6.0, 3)
+    angle = rates * time[:, None] + phases
+    position = 0.02 * np.sin(angle).sum(axis=1)
+    speed = 0.02 * (np.cos(angle) @ rates)
+    acceleration = -0.02 * (np.sin(angle) @ rates**2)
+    push = 40.0 * ((time >= begin) & (time < end))
+    effort = 90.0 * acceleration + 200.0 * speed - push + rng.standard_normal(len(time))
+    readings = (
+        Reading(time, position + 1e-6 * rng.standard_normal(len(time))),
+        Reading(time, effort),
+    )
+    channels = (replace(study.channels[0], noise=1e-6), study.channels[1])
+    command = np.zeros((len(time), 1))
+    episode = replace(study.episodes[0], time=time, command=command, readings=readings)
+    return replace(study, channels=channels, episodes=(episode,))
+
+
 def sensed(model: mujoco.MjModel) -> tuple[Channel, ...]:
     """A channel for every component of every sensor, with its noise."""
     noise = {"t": 1.0, "f": 1.0, "p": 0.5}

@@ -22,7 +22,7 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.simulation.synthetic import simulate_study
 from reality_gap.study.data import Study
 from reality_gap.study.system import compile_system
-from tests.reality_gap.causes.machines import arm_study, elbow_study
+from tests.reality_gap.causes.machines import arm_study, elbow_study, pushed_screw
 
 
 def problem_of(replayer: Replayer) -> Problem:
@@ -46,7 +46,22 @@ def found(study: Study, one: Candidate, values: dict[str, float]) -> tuple[float
         sensitivities = screen(replayer, [one], problem.null_residual)
         base = null_fit(problem)
         evidence = rank(problem, sensitivities, base)[0].evidence
-        return evidence, polish(problem, fit_next(problem, sensitivities, base, 1))[0]
+        return evidence, polish(problem, fit_next(problem, sensitivities, base, 1), base)[0]
+
+
+def test_a_long_push_is_screened_as_several_short_ones_in_a_row(tmp_path: Path) -> None:
+    study = pushed_screw(tmp_path, 4.1, 7.3)
+    push = candidate(study, "external_force", "body", 1)
+    with Replayer(study) as replayer:
+        null = replayer.residual([])
+        found = screen(replayer, [push], null)
+        long = [s for s in found if s.fixed["duration"] > 1.0]
+        assert long
+        for one in long[:: len(long) // 5]:
+            force = {"x": push.parameter("x").scale}
+            replayed = null - replayer.residual([(push, {**one.fixed, **force})])
+            own = one.columns[:, one.names.index("x")]
+            assert np.linalg.norm(own - replayed) < 0.01 * np.linalg.norm(replayed)
 
 
 @pytest.mark.parametrize(("start", "duration"), [(0.8, 1.4)])
@@ -75,7 +90,7 @@ def test_the_moment_of_an_elongation_is_found_and_pays(tmp_path: Path, time: flo
     with Replayer(truth) as replayer:
         problem = problem_of(replayer)
         sensitivities, base = screen(replayer, [longer], problem.null_residual), null_fit(problem)
-        fit = polish(problem, fit_next(problem, sensitivities, base, 1))[0]
+        fit = polish(problem, fit_next(problem, sensitivities, base, 1), base)[0]
         gain = Folds(problem, fit).cross_validated(base)
 
     fitted = fit.hypothesis[0][1]

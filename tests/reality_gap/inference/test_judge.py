@@ -13,7 +13,9 @@ from reality_gap.inference.verdict import Options, decide, judge
 EVIDENCE = 1000.0
 
 
-def verdict(share: float, left: float, learned: float = 0.0, event: bool = True) -> Verdict:
+def verdict(
+    share: float, left: float, learned: float = 0.0, event: bool = True, before: float = 10.0
+) -> Verdict:
     """Verdict on one cause.
 
     Args:
@@ -21,6 +23,7 @@ def verdict(share: float, left: float, learned: float = 0.0, event: bool = True)
         left: RMS that it leaves [noise].
         learned: what can be learned of that [nats].
         event: whether it comes from outside at its own time.
+        before: RMS without it [noise].
     """
     candidate = SimpleNamespace(cause=SimpleNamespace(event=event))
     best = SimpleNamespace(is_null=False, evidence=EVIDENCE, candidates=(candidate,))
@@ -29,7 +32,7 @@ def verdict(share: float, left: float, learned: float = 0.0, event: bool = True)
     remainder: Any = SimpleNamespace(
         instead=SimpleNamespace(evidence=share * EVIDENCE),
         learned=SimpleNamespace(evidence=learned),
-        fits=(10.0, left),
+        fits=(before, left),
         after=left,
         explained=0.0,
         of_step=0.0,
@@ -46,6 +49,12 @@ def test_a_push_that_explains_all_is_named_though_much_can_be_learned(share: flo
 def test_an_error_that_comes_back_with_the_motion_is_no_event(left: float, learned: float) -> None:
     assert verdict(0.6, left, learned) is Verdict.UNEXPLAINED
     assert verdict(0.4, left, learned) is Verdict.NAMED
+
+
+def test_an_event_may_leave_what_the_form_of_its_edges_lacks() -> None:
+    assert verdict(0.6, left=2.0, learned=5.0, before=100.0) is Verdict.PARTLY_NAMED
+    assert verdict(0.6, left=2.0, learned=5.0, before=20.0) is Verdict.UNEXPLAINED
+    assert verdict(0.9, left=2.0, learned=5.0, before=100.0) is Verdict.UNEXPLAINED
 
 
 def test_nearly_all_that_an_event_explains_is_not_an_event() -> None:

@@ -1,0 +1,101 @@
+"""Hidden edges: begins and ends of events where no reading shows them to which causes are fitted.
+
+An effort shows a push at that moment only, while positions remember it. An edge within a block of
+the report split can therefore be anywhere in that block, and wherever the fit left it, the report
+split has an error as large as the push. What the block shows of the edge is no more than a time, so
+that it is moved there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from reality_gap.inference.event_times import times_of
+from reality_gap.inference.gauss_newton import Fit, rescore
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.theta import to_theta
+from reality_gap.inference.whitening import whitening
+from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.study.data import Study
+from reality_gap.study.splits import hidden_block
+
+STEPS = 20
+"""Number of steps from one end of a block to the other."""
+BESIDE = 0.1
+"""Distance from a block at which the fit may put an edge that lies in it [s]: that of the rise of a
+push, and of the filter of efforts."""
+
+
+def with_hidden_edges(problem: Problem, fitted: Fit) -> Fit:
+    """Return a fit whose events begin and end where all readings show it.
+
+    Args:
+        problem: what is explained; in studies of commands, nothing changes.
+        fitted: causes. Of an event in a study of efforts, an edge within a block of the report
+            split is moved within that block.
+    """
+    study = problem.system.study
+    for i in range(len(fitted.hypothesis) if study.inverse else 0):
+        for at_end in (False, True):
+            fitted = _best(problem, fitted, _trials(study, fitted.hypothesis, i, at_end))
+    return fitted
+
+
+def _trials(study: Study, hypothesis: Hypothesis, i: int, at_end: bool) -> list[Hypothesis]:
+    """Return a hypothesis with one edge of the event ``i`` elsewhere in its block, if hidden."""
+    if not (times := _begin_and_end(hypothesis, i)):
+        return []
+    begin, end = times
+    moved = _hidden(study, end if at_end else begin)
+    pairs = [(begin, t) if at_end else (t, end) for t in moved]
+    return [_with_times(hypothesis, i, *pair) for pair in pairs if pair[0] < pair[1]]
+
+
+def _begin_and_end(hypothesis: Hypothesis, i: int) -> tuple[float, float] | None:
+    """Return the times in the study of a cause that is an event with a duration [s]."""
+    candidate, values = hypothesis[i]
+    times = times_of(candidate)
+    if len(times) != 2 or candidate.location.note:
+        return None
+    begin, duration = (values[name] for name in times)
+    return begin, begin + duration
+
+
+def _with_times(hypothesis: Hypothesis, i: int, begin: float, end: float) -> Hypothesis:
+    """Return a hypothesis whose event ``i`` has other times [s]."""
+    candidate, values = hypothesis[i]
+    first, duration = (candidate.parameter(name) for name in times_of(candidate))
+    moved = {first.name: begin, duration.name: max(end - begin, duration.low)}
+    return [*hypothesis[:i], (candidate, {**values, **moved}), *hypothesis[i + 1 :]]
+
+
+def _hidden(study: Study, time: float) -> list[float]:
+    """Return times in the block of the report split at a time in the study, if there is one [s]."""
+    start = 0.0
+    for e, episode in enumerate(study.episodes):
+        if time < start + episode.duration:
+            near = (hidden_block(e, time - start + change) for change in (0.0, -BESIDE, BESIDE))
+            block = next((one for one in near if one is not None), None)
+            return [] if block is None else (start + np.linspace(*block, STEPS + 1)).tolist()
+        start += episode.duration
+    return []
+
+
+def _best(problem: Problem, fitted: Fit, trials: Sequence[Hypothesis]) -> Fit:
+    """Return the fit with the best of some hypotheses, by all readings."""
+    if not trials:
+        return fitted
+    model = problem.noise_model
+    every = np.ones(len(model.inflation), dtype=bool)
+    whiten = whitening(model.tolerances, model.inflation, every)
+    residuals = [fitted.residual, *problem.replayer.residuals(trials)]
+    powers = [float(np.sum(whiten(residual) ** 2)) for residual in residuals]
+    best = int(np.nanargmin(powers))
+    if best == 0:
+        return fitted
+    hypothesis, residual = trials[best - 1], residuals[best]
+    moved = replace(fitted, hypothesis=hypothesis, residual=residual, theta=to_theta(hypothesis))
+    return rescore(problem, moved)
