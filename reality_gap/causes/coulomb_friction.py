@@ -67,7 +67,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         secants = elements.secants(system, location, (0.1 * size, 0.4 * size))
         if low < 0.0:  # where a joint of the model sticks, a little less friction does nothing
             secants += elements.secants(system, location, (-0.4 * nominal, -0.8 * nominal))
-        sizes = (0.02 * size, tolerance, low, max(2.0 * size, ABOVE * nominal))
+        most = typical_scales.most_friction(system, location)
+        sizes = (0.02 * size, tolerance, low, max(most * size, ABOVE * nominal))
         hints = SearchHints(secants=secants, absence=low < 0.0)
         friction = Parameter("friction", unit, *sizes, hints=hints)
     creep = () if location.note == BEFORE else lugre.creep_parameters(system, location)

@@ -39,9 +39,10 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         names = ("forward", "backward")
         return tuple(Parameter(name, "N", *sizes) for name in names) + presliding
     unit, size = typical_scales.joint_force(system, location)
-    dry = (unit, 0.02 * size, typical_scales.force_tolerance(system, location), 0.0, 2.0 * size)
+    most = typical_scales.most_friction(system, location)
+    dry = (unit, 0.02 * size, typical_scales.force_tolerance(system, location), 0.0, most * size)
     unit, size = typical_scales.joint_damping(system, location)
-    viscous = (unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size)
+    viscous = (unit, 0.02 * size, 0.001 * size, 0.0, most * size)
     return (
         Parameter("forward", *dry),
         Parameter("backward", *dry),

@@ -39,7 +39,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     starts = tuple(share * speed for share in SLOW)
     per = "m/s" if typical_scales.slides(system, location.elements[0]) else "rad/s"
     secants = elements.secants(system, location, tuple(share * size for share in SECANTS))
-    hints, sizes = SearchHints(secants=secants), (0.02 * size, tolerance, 0.0, 2.0 * size)
+    most = typical_scales.most_friction(system, location)
+    hints, sizes = SearchHints(secants=secants), (0.02 * size, tolerance, 0.0, most * size)
     speeds = (0.05 * speed, 0.0, 0.005 * speed, speed)
     return (
         Parameter("stiction", unit, *sizes, hints=hints),

@@ -36,7 +36,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     )
     nominal = shared_amounts.least(system, location, system.model.dof_damping)
     tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
-    sizes = (0.02 * size, tolerance, -nominal, 2.0 * size)
+    most = typical_scales.most_friction(system, location)
+    sizes = (0.02 * size, tolerance, -nominal, most * size)
     return (Parameter("damping", unit, *sizes, hints=REDUCIBLE),)
 
 

@@ -37,19 +37,23 @@ def with_hidden_edges(problem: Problem, fitted: Fit) -> Fit:
         fitted: causes. Of an event in a study of efforts, an edge within a block of the report
             split is moved within that block.
     """
-    study = problem.system.study
-    for i in range(len(fitted.hypothesis) if study.inverse else 0):
+    events = [i for i in range(len(fitted.hypothesis)) if _begin_and_end(fitted.hypothesis, i)]
+    if not events or not problem.system.study.inverse:
+        return fitted
+    for i in events:
         for at_end in (False, True):
-            fitted = _best(problem, fitted, _trials(study, fitted.hypothesis, i, at_end))
+            fitted = _best(problem, fitted, _trials(problem, fitted.hypothesis, i, at_end))
     return fitted
 
 
-def _trials(study: Study, hypothesis: Hypothesis, i: int, at_end: bool) -> list[Hypothesis]:
+def _trials(
+    problem: Problem, hypothesis: Hypothesis, i: int, at_end: bool
+) -> list[Hypothesis]:
     """Return a hypothesis with one edge of the event ``i`` elsewhere in its block, if hidden."""
     if not (times := _begin_and_end(hypothesis, i)):
         return []
     begin, end = times
-    moved = _hidden(study, end if at_end else begin)
+    moved = _hidden(problem.system.study, end if at_end else begin)
     pairs = [(begin, t) if at_end else (t, end) for t in moved]
     return [_with_times(hypothesis, i, *pair) for pair in pairs if pair[0] < pair[1]]
 

@@ -24,6 +24,7 @@ from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import SWAP, Search
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
 from reality_gap.inference.held_out import score
+from reality_gap.inference.hidden_edges import with_hidden_edges
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 
 NEAR = 0.01
@@ -115,6 +116,7 @@ def keep_paying(result: Search) -> Paying:
     Args:
         result: a search.
     """
+    result = replace(result, best=with_hidden_edges(result.problem, result.best))
     tested = held_out_test(result)
     return _keep_paying(Paying(result, tested, result.best, tested))
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from reality_gap.diagnosis import Criterion, Verdict
 from reality_gap.inference.end_stops import MORE
 from reality_gap.inference.forward_selection import Search, Settings, revise
-from reality_gap.inference.hidden_edges import with_hidden_edges
 from reality_gap.inference.paying import UNLIKELY, Paying, keep_paying
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
 
@@ -117,16 +116,11 @@ def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remai
     if result.best.is_null:
         return keep_paying(result), remainder
     refuted = is_refuted(result.best.evidence, remainder, options)
-    revised = result if refuted else revise(result, options.search)
-    paying = keep_paying(_with_hidden_edges(revised))
+    paying = keep_paying(result if refuted else revise(result, options.search))
     last = paying.attempt if paying.result.best.is_null else paying.result.best
     if last.hypothesis == result.best.hypothesis:
         return paying, _or_that_of_the_model(paying, remainder)
     return paying, remainder_of(paying)
-
-
-def _with_hidden_edges(result: Search) -> Search:
-    return replace(result, best=with_hidden_edges(result.problem, result.best))
 
 
 def remainder_of(paying: Paying) -> Remainder:

@@ -1,4 +1,5 @@
-"""Forces that a log shows: those of its sensors, and those that plain motors were commanded.
+"""Forces that a log shows: those of its sensors, those that plain motors were commanded, and those
+of servos by how far their joints were from their commands.
 
 A model without limits of forces says little of how strong a machine is: a light link that moves
 slowly needs almost nothing, and may carry a load of any size.
@@ -14,8 +15,14 @@ import numpy as np
 
 from reality_gap.causes.support import actuators
 from reality_gap.causes.support.machine_size import MachineSize, machine_size
+from reality_gap.study.data import Reading
 from reality_gap.study.system import System, column, commanded
 from reality_gap.types import Floats
+
+FOLLOWING = tuple(
+    int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}")) for kind in ("NONE", "FILTER", "FILTEREXACT")
+)
+"""Kinds of activation that follow the command."""
 
 _SENSOR, _TRANSMISSION = mujoco.mjtSensor, mujoco.mjtTrn
 
@@ -33,7 +40,8 @@ def typical_loads(system: System) -> Floats:
     shown = np.zeros(system.model.nv)
     for joint, use in uses.items():
         shown[_dof(system.model, system.model.joint(joint).id)] = use.force
-    for dof, force in () if uses else (*_sensed(system, size), *_commanded(system, size)):
+    shows = (_sensed, _commanded, _of_servos)
+    for dof, force in () if uses else (pair for show in shows for pair in show(system, size)):
         shown[dof] = np.maximum(shown[dof], force)
     return np.where(size.limited, size.load, np.maximum(size.load, shown))
 
@@ -66,6 +74,52 @@ def _commanded(system: System, size: MachineSize) -> Iterator[tuple[slice, Float
         if direct and commands and actuators.has_constant_gain(model, i):
             gain = abs(float(model.actuator_gainprm[i, 0]))
             yield _of_actuator(model, size, i, gain * _rms(np.concatenate(commands)))
+
+
+def _of_servos(system: System, size: MachineSize) -> Iterator[tuple[slice, Floats]]:
+    """Yield degrees of freedom with the force on them of a servo whose joint was measured."""
+    model = system.model
+    for i in commanded(model):
+        fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+        on_joint = int(model.actuator_trntype[i]) in actuators.JOINT_TRANSMISSIONS
+        follows = int(model.actuator_dyntype[i]) in FOLLOWING
+        if not (fixed and on_joint and follows and actuators.feeds_back(model, i)):
+            continue
+        forces = [
+            _servo_force(model, i, command, reading)
+            for command, reading in _motions(system, i, int(model.actuator_trnid[i, 0]))
+        ]
+        if forces:
+            yield _of_actuator(model, size, i, _rms(np.concatenate(forces)))
+
+
+def _motions(system: System, actuator: int, joint: int) -> Iterator[tuple[Floats, Reading]]:
+    """Yield the commands of an actuator at the readings of a joint's position (k,), and these."""
+    model, study = system.model, system.study
+    at = column(model, model.actuator(actuator).name)
+    for c, channel in enumerate(study.channels):
+        if channel.kind != "sensor":
+            continue
+        sensor = model.sensor(channel.sensor)
+        if int(sensor.type[0]) != int(_SENSOR.mjSENS_JOINTPOS) or int(sensor.objid[0]) != joint:
+            continue
+        for episode in study.episodes:
+            if episode.command.shape[1] > at and c < len(episode.readings):
+                reading = episode.readings[c]
+                row = np.searchsorted(episode.time, reading.time, side="right") - 1
+                if len(reading.time) > 1:
+                    yield episode.command[np.maximum(row, 0), at], reading
+
+
+def _servo_force(
+    model: mujoco.MjModel, actuator: int, command: Floats, reading: Reading
+) -> Floats:
+    """Return the force of a servo before its gear at the readings of its joint (k,)."""
+    gear = float(model.actuator_gear[actuator, 0])
+    constant, by_length, by_speed = (float(x) for x in model.actuator_biasprm[actuator, :3])
+    length, speed = gear * reading.value, gear * np.gradient(reading.value, reading.time)
+    gain = float(model.actuator_gainprm[actuator, 0])
+    return gain * command + constant + by_length * length + by_speed * speed
 
 
 def _of_actuator(

@@ -38,6 +38,10 @@ SHORT = 0.25
 SMALL = 0.1
 """Lever arm of a tendon, over its largest one, below which it does not matter for the force."""
 
+MOST, MOST_UNKNOWN = 2.0, 20.0
+"""Largest friction of a joint over its typical force, and where neither the model nor the log tells
+how strong its motor is."""
+
 SPEED_PERIOD = 0.02
 """Interval over which a measured velocity is averaged [s]."""
 
@@ -96,6 +100,17 @@ def _rated_force(system: System, joint: str) -> float:
 def weakest_force(system: System, location: Location) -> tuple[str, float]:
     """Return unit and typical size of the force of the weakest of a location's joints."""
     return min(joint_force(system, Location("joint", (name,))) for name in location.elements)
+
+
+def most_friction(system: System, location: Location) -> float:
+    """Return the largest friction of a location's joints over their typical force."""
+    limited = machine_size.machine_size(system).limited
+    measured = {one.sensor for one in system.study.channels if one.kind == "effort"}
+    known = (
+        bool(limited[machine_size.dof(system, joint)]) or joint in measured
+        for joint in location.elements
+    )
+    return MOST if all(known) else MOST_UNKNOWN
 
 
 def joint_speed(system: System, location: Location) -> float:

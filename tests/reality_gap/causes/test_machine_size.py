@@ -165,6 +165,29 @@ def test_a_command_that_is_no_force_is_no_scale(tmp_path: Path, motor: str) -> N
     assert friction(with_log(system, 1.0, None, 0.0)) == friction(system)
 
 
+@pytest.mark.parametrize("filtered", ["", 'timeconst="0.01"'])
+def test_the_distance_of_a_servo_from_its_command_is_a_force(tmp_path: Path, filtered: str) -> None:
+    """It holds a load of 0.8 N m, 0.4 rad from its command; gravity on the link is 0.006 N m."""
+    servo = f'<position name="motor" joint="shoulder" kp="1" gear="2" kv="0.1" {filtered}/>'
+    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
+    path = tmp_path / "servo.xml"
+    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
+
+    found = friction(with_log(system_of(path), 1.0, Channel("q", "q", noise=1e-4), 0.3))
+
+    assert found.scale == pytest.approx(0.02 * 2.0 * (1.0 - 2.0 * 0.3), rel=1e-6)
+    assert found.high > 2.0 * 0.8
+
+
+@pytest.mark.parametrize(("motor", "most"), [(PLAIN, 20.0), (LIMITED.format(0.005), 2.0)])
+def test_friction_may_be_large_where_the_strength_of_a_motor_is_not_known(
+    tmp_path: Path, motor: str, most: float
+) -> None:
+    system = arm(tmp_path, 0.06, 0.02, motor)
+    force = joint_force(system, Location("joint", ("shoulder",)))[1]
+    assert friction(system).high == pytest.approx(most * force)
+
+
 def test_a_log_without_commands_shows_no_forces(tmp_path: Path) -> None:
     system = arm(tmp_path, 0.06, 0.02, PLAIN)
     episode = Episode("log", np.zeros(1), np.zeros((1, 0)), ())
