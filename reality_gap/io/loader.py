@@ -49,7 +49,7 @@ def load_study(path: Path | str) -> Study:
     study = Study(file.name, file.model, channels, episodes, initial, file.absolute_encoders)
     if file.joints is None:
         study = _start_at_first_readings(file, model, study)
-    _check_constant_sensors(file, study)
+    _check_constant_sensors(file, study, model)
     _check_steps(file, study, model)
     fault = wrong_unit(study)
     if fault:
@@ -126,9 +126,13 @@ def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:
         )
 
 
-def _check_constant_sensors(file: StudyFile, study: Study) -> None:
-    """Refuse sensors without any reading, and sensors with a constant reading."""
+def _check_constant_sensors(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:
+    """Refuse sensors without any reading, and sensors with a constant reading.
+
+    A joint may rest while efforts are measured; their inverse dynamics need its position.
+    """
     constants: dict[str, list[bool]] = {}
+    resting = [f"sensor {name}" for name in measured_joints(file, model)] if study.inverse else []
     for i, channel in enumerate(study.channels):
         values = np.concatenate([episode.readings[i].value for episode in study.episodes])
         if not len(values):
@@ -136,7 +140,7 @@ def _check_constant_sensors(file: StudyFile, study: Study) -> None:
         key = f"{channel.kind} {channel.sensor}"
         constants.setdefault(key, []).append(np.ptp(values) == 0.0)
     for what, constant in constants.items():
-        if all(constant):
+        if all(constant) and what not in resting:
             raise StudyError(
                 f"{file.path}: {what} has the same value in every row of every episode, as a dead "
                 "sensor does; remove it from the study"

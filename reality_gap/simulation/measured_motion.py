@@ -261,4 +261,4 @@ def _standing_still(qvel: Floats, noise: Floats, cutoff: float, period: float) -
     band = POSITION_BAND * cutoff
     speed_noise = noise * 2 * np.pi * np.sqrt(2 * period * band**3 / 3)
     usual = np.quantile(np.abs(qvel), 0.95, axis=0)
-    return np.abs(qvel) < np.maximum(4 * speed_noise, SLOW * usual)
+    return np.abs(qvel) <= np.maximum(4 * speed_noise, SLOW * usual)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,21 @@ def test_efforts_may_be_later_than_positions_or_earlier(
         before, after = replayer.residuals([[], [(one, {"delay": late})]])
 
     assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize(("period", "tolerance"), [(1e-3, 1e-4), (0.01, 3e-4), (0.05, 1.5e-3)])
+def test_a_delay_of_efforts_that_rows_do_not_resolve_is_tolerated(
+    systems: dict[str, System], period: float, tolerance: float
+) -> None:
+    system = systems["effort"]
+    [episode] = system.study.episodes
+    time = np.arange(0.0, 2.0, period)
+    slow = replace(episode, time=time, command=np.zeros((len(time), 1)))
+    read = replace(system, study=replace(system.study, episodes=(slow,)))
+    [location] = CATALOGUE["delay"].locations(read)
+    assert candidate(read, "delay", location).parameter("delay").tolerance == (
+        pytest.approx(tolerance)
+    )
 
 
 def test_a_scale_of_efforts_scales_what_inverse_dynamics_compute(

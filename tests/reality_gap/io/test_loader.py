@@ -161,6 +161,18 @@ def test_efforts(study_folder: Any) -> None:
     np.testing.assert_array_equal(study.episodes[0].command, np.zeros((200, 2)))
 
 
+def test_a_joint_may_rest_while_efforts_are_measured(study_folder: Any) -> None:
+    content = study_folder.content
+    for log in ("robot_0.csv", "robot_1.csv"):
+        if "angle_elbow" in study_folder.logs[log]:
+            study_folder.logs[log]["angle_elbow"] = [0.3] * 200
+    with pytest.raises(StudyError, match="angle_elbow has the same value in every row"):
+        load_study(study_folder.write())
+    del content["actuators"]
+    content["efforts"] = {"elbow": {"column": "tension_flexor", "unit": "N m"}}
+    assert load_study(study_folder.write()).inverse
+
+
 def test_quaternions_do_not_jump(study_folder: Any) -> None:
     angles = np.linspace(0.2, 6.0, 40)
     quaternions = np.stack([np.cos(angles / 2), 0 * angles, np.sin(angles / 2), 0 * angles])

@@ -251,6 +251,35 @@ def test_the_effort_of_a_joint_that_rests_is_left_out_with_a_warning(study: Stud
         prepare(still)
 
 
+def test_a_joint_whose_encoder_reads_one_value_rests(study: Study) -> None:
+    episode = study.episodes[0]
+    readings = list(episode.readings)
+    readings[1] = replace(readings[1], value=np.full_like(readings[1].value, 0.3))
+    resting = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
+    assert left_out(resting) == ["torque_elbow"]
+    assert prepare(resting).episodes[0].motion.still[:, 1].all()
+
+
+def test_samples_near_a_gap_of_a_reading_are_left_out(study: Study) -> None:
+    """The others have the values that they have without the gap."""
+    [whole], [episode] = prepare(study).episodes, study.episodes
+    cut = [r for r in episode.readings]
+    for c in (0, 1, 3):  # the positions, and the torque of the elbow
+        seen = (cut[c].time < 4.0) | (cut[c].time > 5.0)
+        cut[c] = Reading(cut[c].time[seen], cut[c].value[seen])
+    [found] = prepare(replace(study, episodes=(replace(episode, readings=tuple(cut)),))).episodes
+    assert found.motion.cutoff == pytest.approx(whole.motion.cutoff, rel=0.2)
+    margin = 2.9 / found.motion.cutoff
+    for reading in found.readings:
+        assert ((reading.time < 4.0 - margin) | (reading.time > 5.0 + margin)).all()
+        assert (reading.time < 4.0).sum() > 10
+        assert (reading.time > 5.0).sum() > 10
+    with_gap = replace(study, episodes=(replace(episode, readings=tuple(cut)),))
+    spec = study.spec()
+    rub(spec)
+    assert np.all(errors(with_gap, Plant(spec, Effects())) < 0.02)
+
+
 @pytest.mark.parametrize("position_noise", [1e-6, 3e-4])
 def test_the_kept_samples_of_noise_are_independent(study: Study, position_noise: float) -> None:
     """Noise of efforts, and that of positions in computed efforts, is white behind the filter."""
