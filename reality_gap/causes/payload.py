@@ -1,9 +1,9 @@
 """Payload: an additional mass at an end of the machine.
 
-It is a small ball at a site of the last link that is not part of a tendon's path, such as a grip.
-Without such a site it is on the line from the centre of mass of the heaviest body of the link to
-the far end of the link, if these are apart: ``along`` is 0 at the one and 1 at the other, and
-negative on the other side of the centre of mass.
+It is a ball at a site of the last link that is not part of a tendon's path, such as a grip, or
+elsewhere: on the line from the centre of mass of the heaviest body of the link to the far end of
+the link, if these are apart. There ``along`` is 0 at the one and 1 at the other, and negative on
+the other side of the centre of mass.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from reality_gap.causes.support import links, machine_size, surfaces, typical_sc
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
-RADIUS = 0.03
-"""Radius of the ball over the size of the largest link; it determines the ball's inertia only."""
+DENSITY = 7800.0
+"""Density of the ball, which determines its inertia [kg/m^3]: that of steel, for hardly any load is
+smaller than a ball of steel of the same mass."""
 
-BEYOND = 1.5
-"""Largest position of a payload on its line, to either side."""
+BEFORE, BEYOND = 1.5, 3.0
+"""Largest position of a payload on its line, to either side: tools are longer than links."""
 APART = 0.2
 """Least distance of the far end from the centre of mass, over that from the begin of the link."""
 _WRAP = mujoco.mjtWrap
@@ -29,13 +30,14 @@ _WRAP = mujoco.mjtWrap
 def _locations(system: System) -> tuple[Location, ...]:
     found = []
     for root in links.end_links(system):
-        site = _free_site(system, root)
+        site, heaviest = _free_site(system, root), links.link(system, root).heaviest
         if site is not None:
             body = system.model.body(int(system.model.site_bodyid[site])).name
             found.append(Location("body", (body,), f"at {system.model.site(site).name}"))
-        else:
-            found.append(Location("body", (links.link(system, root).heaviest,)))
-    return tuple(location for location in found if location.elements[0])
+        elsewhere = Location("body", (heaviest,))
+        if heaviest and (site is None or _far_end(system, elsewhere) is not None):
+            found.append(elsewhere)
+    return tuple(found)
 
 
 def _free_site(system: System, root: int) -> int | None:
@@ -100,16 +102,17 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note or _far_end(system, location) is None:
         return (mass,)
     hints = SearchHints(shape=True, screened=(0.0,))
-    return mass, Parameter("along", "1", 0.2, 0.0, -BEYOND, BEYOND, null=1.0, hints=hints)
+    return mass, Parameter("along", "1", 0.2, 0.0, -BEFORE, BEYOND, null=1.0, hints=hints)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if not values["mass"]:
         return
     holder = spec.body(location.elements[0])
-    ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, location, values))
+    name = f"payload_{location.note.replace(' ', '_') or f'of_{holder.name}'}"
+    ball = holder.add_body(name=name, pos=_point(system, location, values))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
-    radius = RADIUS * typical_scales.link_size(system)
+    radius = (values["mass"] / (4.0 / 3.0 * np.pi * DENSITY)) ** (1.0 / 3.0)
     ball.inertia = np.full(3, 0.4 * values["mass"] * radius**2)
     ball.explicitinertial = True
 

@@ -14,6 +14,7 @@ from reality_gap.causes.base import Location, Record
 from reality_gap.simulation.hypothesis import Plant, build
 from reality_gap.study.system import System
 from reality_gap.types import Floats
+from tests.reality_gap.causes.candidates import candidate
 from tests.reality_gap.causes.plants import at, plant_with, system_of
 
 CRANE = """
@@ -211,15 +212,34 @@ def test_links_consist_of_bodies_that_move_as_one(
 def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System) -> None:
     assert [str(p) for p in find_cause("payload").locations(arm)] == [
         "head (at eye_site)",
+        "head",
         "hand (at grip)",
+        "hand",
     ]
-    assert [str(p) for p in find_cause("payload").locations(crane)] == ["tip (at lamp)"]
+    assert str(find_cause("payload").locations(crane)[0]) == "tip (at lamp)"
     spec = plant_with(arm, "payload", Location("body", ("hand",), "at grip"), mass=0.5).spec
     spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())
     data = at(again, elbow=0.5)
     assert again.body_mass.sum() == pytest.approx(arm.model.body_mass.sum() + 0.5)
-    assert data.body("payload_of_hand").xipos == pytest.approx(data.site("grip").xpos)
+    assert data.body("payload_at_grip").xipos == pytest.approx(data.site("grip").xpos)
+
+
+def test_payloads_in_the_hand_and_elsewhere_are_two_balls_of_steel(arm: System) -> None:
+    at_grip, elsewhere = find_cause("payload").locations(arm)[2:]
+    plain = build(arm, []).spec.compile()
+    spec = build(
+        arm,
+        [
+            (candidate(arm, "payload", at_grip), {"mass": 7800.0e-6}),
+            (candidate(arm, "payload", elsewhere), {"mass": 0.3, "along": 0.5}),
+        ],
+    ).spec
+    model = spec.compile()
+    assert model.body_mass.sum() - plain.body_mass.sum() == pytest.approx(0.3078)
+    radius = (3e-6 / (4.0 * np.pi)) ** (1.0 / 3.0)  # of a cubic centimetre
+    own = model.body("payload_at_grip").inertia
+    assert own == pytest.approx(np.full(3, 0.4 * 7800e-6 * radius**2))
 
 
 END = """<mujoco><worldbody><body name="arm" pos="0 0 1">
