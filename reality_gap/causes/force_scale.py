@@ -1,4 +1,7 @@
-"""Force scale: the force of an actuator is too large or too small by a constant factor."""
+"""Force scale: the force of an actuator is too large or too small by a constant factor.
+
+It is one of a motor or servo, or a muscle, whose peak force is then another.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,12 @@ OF_JOINT, OF_TENDON = 0.006, 0.004
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    found = elements.each_actuator(system, actuators.is_linear)
-    return found + elements.all_actuators(system, actuators.is_linear)
+    found = elements.each_actuator(system, _has_scale)
+    return found + elements.all_actuators(system, _has_scale)
+
+
+def _has_scale(model: mujoco.MjModel, actuator: int) -> bool:
+    return actuators.is_linear(model, actuator) or actuators.is_muscle(model, actuator)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -25,10 +32,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for name in location.elements:
-        actuator = spec.actuator(name)
-        actuator.gainprm[:3] *= 1 + values["excess"]
-        actuator.biasprm[:3] *= 1 + values["excess"]
-        actuator.forcerange *= 1 + values["excess"]
+        actuators.scale_force(spec.actuator(name), 1.0 + values["excess"])
 
 
 CAUSE = Cause(

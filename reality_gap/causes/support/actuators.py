@@ -21,6 +21,23 @@ def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
+def is_muscle(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether an actuator is a muscle, whose force is a multiple of its peak force."""
+    gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
+    return gain == int(mujoco.mjtGain.mjGAIN_MUSCLE) and bias == int(mujoco.mjtBias.mjBIAS_MUSCLE)
+
+
+def scale_force(actuator: mujoco.MjsActuator, factor: float) -> None:
+    """Multiply all forces of a linear actuator or of a muscle."""
+    if actuator.gaintype != mujoco.mjtGain.mjGAIN_MUSCLE:
+        parts = slice(0, 3)
+    else:  # The peak force is given, or follows from a scale if it is negative.
+        parts = slice(2, 3) if actuator.gainprm[2] >= 0.0 else slice(3, 4)
+    actuator.gainprm[parts] *= factor
+    actuator.biasprm[parts] *= factor
+    actuator.forcerange *= factor
+
+
 def has_constant_gain(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether an actuator's force is its activation or command times a constant."""
     fixed = int(model.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
