@@ -24,8 +24,9 @@ def test_a_servo_is_commanded_in_what_follows_its_command(
 ) -> None:
     """After 2 s of the command 0.5, either the position or the velocity is close to 0.5."""
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option gravity="0 0 0"/><worldbody><body>'
-        f'<joint name="j" type="{joint}" armature="1"/><geom size=".1" mass="1"/></body></worldbody>'
+        '<mujoco><option gravity="0 0 0"/><worldbody><body>'
+        f'<joint name="j" type="{joint}" armature="1"/><geom size=".1" mass="1"/>'
+        "</body></worldbody>"
         f"<actuator>{SERVOS[servo]}</actuator></mujoco>"
     )
     data = mujoco.MjData(model)
