@@ -67,9 +67,8 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
     runs = [run for file in together for run in file]
     _check_names(runs)
     columns = tuple(dict.fromkeys(name for run in runs for name in run.columns))
-    sentence = undriven([joint.name for joint in spec.joints], columns)
-    if sentence and not spec.actuators:
-        raise StudyError(sentence)
+    if not spec.actuators and (reason := undriven([j.name for j in spec.joints], columns)):
+        raise StudyError(reason)
     _without_commands(spec, columns, added, note)
     commands = assign_columns(spec.copy().compile(), columns, added).commands
     runs = [hold_commands(run, commands, note) for run in runs]

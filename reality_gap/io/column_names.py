@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from reality_gap.types import Floats
 HINTS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "other": "error err deviation mode status flag temperature temp",
+        "other": "error err deviation mode status flag temperature temp kp ki kd",
         "command": "target targeted action command commanded cmd ctrl control ref reference "
         "desired des demand demanded requested setpoint goal u activation excitation soll sollwert",
         "position": "length len l pos position angle q theta encoder enc measured meas actual "
@@ -121,6 +122,7 @@ def guess(elements: Sequence[Element], columns: Sequence[str]) -> Found:
     return found
 
 
+@lru_cache(maxsize=4096)
 def kind_of(column: str) -> str:
     """Return the kind of quantity that a column's name states, as in `HINTS`; empty if none."""
     return _kind(_words(column)) or _kind_of_unit(column)
@@ -196,8 +198,10 @@ def _stated_pairs(elements: Sequence[Element], columns: Sequence[str]) -> Iterat
     """Yield the pairs of an element and columns whose names state its kind."""
     for i, element in enumerate(elements):
         for j, (label, group) in enumerate(_groups(columns, element.count)):
+            if not _states(element, label):
+                continue
             similarity = _similarity(element, label) + 0.5
-            if _states(element, label) and similarity >= _THRESHOLD:
+            if similarity >= _THRESHOLD:
                 yield (similarity, -i, -j), element, group
 
 
@@ -210,9 +214,11 @@ def _unstated_pairs(elements: Sequence[Element], columns: Sequence[str]) -> Iter
         if _is_further(element):
             continue
         for j, (label, group) in enumerate(_groups(columns, element.count)):
+            if _states(element, label) is not False:
+                continue
             similarity = _similarity(element, label)
-            if _states(element, label) is False and similarity >= _THRESHOLD:
-                exact, position = label == element.name, element.kind == "position"
+            exact, position = label == element.name, element.kind == "position"
+            if similarity >= _THRESHOLD:
                 yield (exact, position, similarity, -i, -j), element, group
 
 
@@ -351,10 +357,11 @@ def _ending(column: str) -> str:
     return re.split(r"[_\s\[(]", column.rstrip(")] "))[-1]
 
 
-def _words(name: str) -> list[str]:
+@lru_cache(maxsize=4096)
+def _words(name: str) -> tuple[str, ...]:
     """Return the words of a name in lower case; those of `HINTS` in the singular."""
     spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
-    return [_singular(word.lower()) for word in re.split(r"[^A-Za-z0-9]+", spaced) if word]
+    return tuple(_singular(word.lower()) for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
 
 
 def _singular(word: str) -> str:

@@ -117,7 +117,13 @@ def test_numbered_columns_belong_to_the_elements_of_their_kind(layout: dict[str,
     others = [
         f"{name}.{i}"
         for i in range(2)
-        for name in ("desired.velocities", "desired.accelerations", "desired.effort", "error.pos")
+        for name in (
+            "desired.velocities",
+            "desired.accelerations",
+            "desired.effort",
+            "error.pos",
+            "cmd.kp",
+        )
     ]
     for columns in orders(["time", *expected.values(), *others]):
         found = assigned(ARM, columns)
