@@ -15,7 +15,7 @@ from mjcf_sandbox.files import write_text
 from reality_gap.errors import StudyError
 from reality_gap.io.clock_shifts import correct_clocks
 from reality_gap.io.column_assignment import assign_columns, efforts_of, undriven
-from reality_gap.io.column_names import Element, named_share
+from reality_gap.io.column_guesses import Element, named_share
 from reality_gap.io.completed_model import complete_model
 from reality_gap.io.held_commands import hold_commands
 from reality_gap.io.loader import load_study

@@ -7,15 +7,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from reality_gap.io.column_names import (
-    KINDS,
-    Element,
-    Found,
-    guess,
-    guess_time,
-    kind_of,
-    named_share,
-)
+from reality_gap.io.column_guesses import Element, Found, guess, named_share
+from reality_gap.io.column_names import KINDS, guess_time, kind_of
 from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from reality_gap.errors import StudyError
 from reality_gap.io.column_assignment import assign_columns, note_doubts, undriven
-from reality_gap.io.column_names import Element, guess_time_unit, named_unit
+from reality_gap.io.column_guesses import Element
+from reality_gap.io.column_names import guess_time_unit, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless

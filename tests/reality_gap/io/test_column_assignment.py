@@ -103,6 +103,7 @@ NUMBERED = [
         "_velocity": "actual.velocities.{}",
         "_force": "actual.effort.{}",
     },
+    {"": "reference.positions.{}", "_position": "feedback.positions.{}"},
 ]
 
 
@@ -129,6 +130,57 @@ def test_numbered_columns_belong_to_the_elements_of_their_kind(layout: dict[str,
         found = assigned(ARM, columns)
         assert single(found) == expected
         assert set(found.free) == set(others)
+
+
+def test_a_measured_list_of_columns_comes_before_others_of_its_kind() -> None:
+    columns = [
+        f"{word}.positions.{i}" for word in ("reference", "output", "feedback") for i in "01"
+    ]
+    for some in orders(["time", *columns]):
+        found = single(assigned(ARM, some))
+        assert found["elbow_flex_position"] == "feedback.positions.1"
+        assert "output.positions.1" not in found.values()
+
+
+@pytest.mark.parametrize("names", ["joint{}", "joint_{}", "{}_joint", "q_{}"])
+def test_numbers_in_the_names_of_elements_are_those_of_the_columns(names: str) -> None:
+    """The model lists its joints in another order than their numbers."""
+    xml = ARM
+    for joint, number in zip(JOINTS, (2, 1), strict=True):
+        xml = xml.replace(joint, names.format(number))
+    found = single(assigned(xml, ["time", "u.0", "u.1", "state.0", "state.1"]))
+    assert found[names.format(1)] == "u.0"
+    assert found[f"{names.format(1)}_position"] == "state.0"
+    assert found[f"{names.format(2)}_position"] == "state.1"
+
+
+@pytest.mark.parametrize("names", ["joint{}", "joint_{}", "q_{}", "q{}"])
+@pytest.mark.parametrize("layout", [["cmd_{}", "{}_pos"], ["{}.target", "state.{}"]])
+def test_names_with_numbers_are_names(names: str, layout: list[str]) -> None:
+    xml = ARM
+    for joint, number in zip(JOINTS, (2, 1), strict=True):
+        xml = xml.replace(joint, names.format(number))
+    joints = [names.format(number) for number in (1, 2)]
+    columns = [name.format(joint) for joint in joints for name in layout]
+    for some in orders(["time", *columns]):
+        found = single(assigned(xml, some))
+        for joint in joints:
+            assert found[joint] == layout[0].format(joint)
+            assert found[f"{joint}_position"] == layout[1].format(joint)
+
+
+def test_numbered_columns_beside_an_element_without_a_number() -> None:
+    """The finger has no number, so that the number of columns is that of the other joints."""
+    xml = ARM.replace("shoulder_pan", "joint_1").replace("elbow_flex", "joint_2")
+    finger = '<body><joint name="finger"/><geom size="0.01"/></body></worldbody>'
+    xml = xml.replace("</worldbody>", finger)
+    found = single(assigned(xml, ["time", "u.0", "u.1", "state.0", "state.1", "finger_angle"]))
+    assert found["joint_1"] == "u.0"
+    assert found["joint_1_position"] == "state.0"
+    assert found["finger_position"] == "finger_angle"
+    several = single(assigned(xml, ["time", "u.0", "u.1", "state.0", "state.1"]))
+    assert several["joint_2_position"] == "state.1"
+    assert "finger_position" not in several
 
 
 def test_a_column_of_another_kind_is_never_assigned() -> None:
