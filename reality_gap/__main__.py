@@ -107,7 +107,13 @@ def init(command: Init, console: Console) -> None:
         raise StudyError(f"{out} exists and is not overwritten; choose another --out")
     if not out.parent.is_dir():
         raise StudyError(f"there is no folder {out.parent} for {out.name}; create it first")
-    write_text(out, draft_study(command.model, command.logs, out.parent))
+    text = draft_study(
+        command.model,
+        command.logs,
+        out.parent,
+        note=lambda sentence: _print(console, f"note: {sentence}"),
+    )
+    write_text(out, text)
     _print(console, f"wrote {out}; edit it, then run: {_program()} check {out}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ import yaml
 from mjcf_sandbox.files import write_text
 from reality_gap.errors import StudyError
 from reality_gap.io.clock_shifts import correct_clocks
-from reality_gap.io.column_names import Element, guess, guess_time, named_share
+from reality_gap.io.column_assignment import assign_columns, efforts_of, undriven
+from reality_gap.io.column_guesses import Element, named_share
 from reality_gap.io.completed_model import complete_model
 from reality_gap.io.held_commands import hold_commands
 from reality_gap.io.loader import load_study
@@ -54,7 +55,7 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
 
     Raises:
         StudyError: the model or a log cannot be read, the logs contain no long enough run, or
-            ``folder`` exists.
+            ``folder`` exists; or they contain commands, but the model has no actuators.
     """
     check_new(folder)
     spec, added = complete_model(load_untrusted_spec(model, model.parent))
@@ -66,15 +67,18 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
     runs = [run for file in together for run in file]
     _check_names(runs)
     columns = tuple(dict.fromkeys(name for run in runs for name in run.columns))
-    _without_commands(spec, columns, note)
-    runs = [hold_commands(run, _command_columns(spec, columns), note) for run in runs]
+    if not spec.actuators and (reason := undriven([j.name for j in spec.joints], columns)):
+        raise StudyError(reason)
+    _without_commands(spec, columns, added, note)
+    commands = assign_columns(spec.copy().compile(), columns, added).commands
+    runs = [hold_commands(run, commands, note) for run in runs]
     with new_folder(folder) as new:
         write_model(spec.to_xml(), model, new / MODEL)
         paths = [new / f"{run.name}.csv" for run in runs]
         for run, path in zip(runs, paths, strict=True):
             write_run(run, path)
         recordings = {f"{run.name}.csv": run.recording for run in runs}
-        text = draft_study(new / MODEL, paths, new, model.stem, note, recordings)
+        text = draft_study(new / MODEL, paths, new, model.stem, note, recordings, added)
         write_text(new / STUDY, text)
         lines = [f"The columns in {STUDY} have not been corrected by a replay.", *guessed]
         write_text(new / DRAFT, "\n".join(lines) + "\n")
@@ -251,20 +255,13 @@ def _overlap(one: Run, other: Run) -> bool:
     return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
 
 
-def _command_columns(spec: mujoco.MjSpec, columns: Sequence[str]) -> tuple[str, ...]:
-    """Return the columns that are named like commands."""
-    commands = [Element(actuator.name, "", "command") for actuator in spec.actuators]
-    clock = guess_time(columns)
-    found = guess(commands, [column for column in columns if column != clock])
-    return tuple(column for group in found.values() for column in group)
-
-
-def _without_commands(spec: mujoco.MjSpec, columns: Sequence[str], note: Note) -> None:
+def _without_commands(
+    spec: mujoco.MjSpec, columns: Sequence[str], added: Collection[str], note: Note
+) -> None:
     """Remove the actuators from a model whose logs have efforts and no commands."""
-    efforts = [Element(joint.name, "", "force") for joint in spec.joints]
-    if not spec.actuators or _command_columns(spec, columns):
+    if not spec.actuators or assign_columns(spec.copy().compile(), columns, added).commands:
         return
-    if not guess(efforts, columns):
+    if not efforts_of([joint.name for joint in spec.joints], columns):
         wanted = ", ".join(actuator.name for actuator in spec.actuators)
         note(
             f"no column is named like a command of {wanted}, nor like an effort; without either, "

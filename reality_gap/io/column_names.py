@@ -1,11 +1,10 @@
-"""Column names: guesses which column of a log belongs to which element of a model."""
+"""Column names: what their words and units state about the columns of a log."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from difflib import SequenceMatcher
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,21 +15,41 @@ from reality_gap.types import Floats
 HINTS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "command": "target action command cmd ctrl control ref reference desired des setpoint "
-        "goal u soll sollwert",
-        "position": "length len l pos position angle q theta encoder enc measured meas state ist "
-        "istwert winkel",
+        "other": "error err deviation mode status flag temperature temp kp ki kd",
+        "command": "target targeted action command commanded cmd ctrl control ref reference "
+        "desired des demand demanded requested setpoint goal u activation excitation soll sollwert",
+        "position": "length len l pos position angle q theta encoder enc measured meas actual "
+        "state feedback ist istwert winkel",
         "rate": "vel velocity speed rate dq qd omega gyro",
         "force": "tension force torque load effort f tau current moment drehmoment kraft",
+        "acceleration": "acceleration accel acc ddq qdd",
         "time": "t time timestamp stamp clock sec secs seconds millis milliseconds micros "
         "microseconds elapsed zeit",
     }.items()
 }
-"""Words in a column's name, by the kind of quantity that they indicate."""
+"""Words in a column's name, by the kind of quantity that they indicate.
 
-KINDS = {"m": "position", "rad": "position", "N": "force", "N m": "force"} | {
-    "m/s": "rate",
-    "rad/s": "rate",
+Plurals indicate the same. A column of kind "other" is no reading and no command.
+"""
+
+QUANTITIES = ("position", "rate", "force", "acceleration", "time")
+"""Kinds that commands may have, too: a column may be the command of a position."""
+MEASURED = frozenset({"measured", "meas", "actual", "state", "feedback", "ist", "istwert"})
+"""Words that state that a column was measured; without others, that it is a position."""
+LOOSE = (
+    HINTS["time"] | MEASURED | {"l", "q", "f", "u", "enc", "encoder", "load", "current", "moment"}
+)
+"""Words that indicate a quantity only where no other word does, as in "actual_velocity"."""
+
+KINDS = {
+    unit: kind
+    for kind, units in {
+        "position": ("m", "rad"),
+        "rate": ("m/s", "rad/s"),
+        "force": ("N", "N m"),
+        "acceleration": ("m/s^2", "rad/s^2"),
+    }.items()
+    for unit in units
 }
 """Kind of quantity, as in `HINTS`, by SI unit."""
 
@@ -38,56 +57,20 @@ FAST, SLOW, SHORT = 0.5, 2.0, 2.0
 """Periods up to which the rows of a log follow each other: `FAST` [s], or `SLOW` [s] if with the
 next smaller unit the log would be shorter than `SHORT` [s]."""
 
-_THRESHOLD = 1.5  # smallest similarity of a guess
-_COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
-_NUMBERED = re.compile(r"(.*?)[_. \[]?(\d+)\]?")
+ALL_HINTS = frozenset().union(*HINTS.values())
+"""Words that state a kind and are no part of what an element is called."""
 
 
-@dataclass(frozen=True)
-class Element:
-    """An element of the model that needs columns.
-
-    Attributes:
-        name: name of the sensor, actuator or joint.
-        target: name of the element that a sensor measures; empty without one.
-        kind: kind of quantity, as in `HINTS`; empty if it is none of these.
-        count: number of columns.
-    """
-
-    name: str
-    target: str
-    kind: str
-    count: int = 1
-
-
-def guess(elements: Sequence[Element], columns: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Assign columns to elements, the most similar pairs first.
-
-    Returns:
-        Columns by the element's name; each column is used at most once.
-    """
-    free = dict.fromkeys(columns)
-    pairs = [
-        (_similarity(element, label), -i, -j, element, group)
-        for i, element in enumerate(elements)
-        for j, (label, group) in enumerate(_groups(columns, element.count))
-    ]
-    found: dict[str, tuple[str, ...]] = {}
-    for similarity, _, _, element, group in sorted(pairs, key=lambda p: p[:3], reverse=True):
-        if similarity < _THRESHOLD or element.name in found or any(c not in free for c in group):
-            continue
-        found[element.name] = group
-        for column in group:
-            del free[column]
-    found |= _numbered(elements, found, list(free))
-    free = {c: None for c in free if not any(c in group for group in found.values())}
-    return found | _remaining_pairs(elements, found, list(free))
+@lru_cache(maxsize=4096)
+def kind_of(column: str) -> str:
+    """Return the kind of quantity that a column's name states, as in `HINTS`; empty if none."""
+    return kind_of_words(words_of(column)) or kind_of_unit(column)
 
 
 def guess_time(columns: Iterable[str]) -> str | None:
     """Return the column that most likely holds the time: the shortest name that indicates it."""
-    likely = [c for c in columns if HINTS["time"] & set(_words(c))]
-    return min(likely, key=lambda c: len(_words(c)), default=None)
+    likely = [c for c in columns if HINTS["time"] & set(words_of(c))]
+    return min(likely, key=lambda c: len(words_of(c)), default=None)
 
 
 def guess_time_unit(time: Floats) -> str:
@@ -119,95 +102,51 @@ def named_unit(column: str, units: Iterable[str]) -> str | None:
     Returns:
         The unit's symbol; None if the name ends in no unit, or in one of another dimension.
     """
-    ending = re.split(r"[_\s\[(]", column.rstrip(")] "))[-1]
     try:
-        unit = parse_unit(ending)
+        unit = parse_unit(ending_of(column))
     except StudyError:
         return None
     return unit.symbol if unit.si in units and unit.symbol in symbols_of(unit.si) else None
 
 
-def named_share(element: Element, column: str) -> float:
-    """Return the fraction of an element's words in a column's name; 0 if these are only numbers.
+def kind_of_words(words: Sequence[str], loose: bool = True) -> str:
+    """Return the kind that words state, as in `HINTS`; empty if none.
 
-    A column that was assigned by its number or by its order has 0.
+    Args:
+        words: words as `words_of` returns them.
+        loose: whether `LOOSE` words count.
     """
-    hints = frozenset().union(*HINTS.values())
-    identity = set(_words(f"{element.name} {element.target}")) - hints
-    shared = identity & set(_words(column))
-    return 0.0 if all(word.isdecimal() for word in shared) else len(shared) / len(identity)
-
-
-def _numbered(
-    elements: Sequence[Element], found: dict[str, tuple[str, ...]], free: list[str]
-) -> dict[str, tuple[str, ...]]:
-    """Pair elements of a kind in their order with columns such as action.0, action.1, ..."""
-    pairs: dict[str, tuple[str, ...]] = {}
-    for kind in dict.fromkeys(element.kind for element in elements if element.kind):
-        left = [e.name for e in elements if e.kind == kind and e.count == 1 and e.name not in found]
-        lists: dict[str, list[tuple[int, str]]] = {}
-        for column in free:
-            match = _NUMBERED.fullmatch(column)
-            if match and _kind(match[1]) == kind:
-                lists.setdefault(match[1], []).append((int(match[2]), column))
-        fitting = [sorted(columns) for columns in lists.values() if len(columns) == len(left)]
-        if len(fitting) == 1:
-            pairs |= {name: (c,) for name, (_, c) in zip(left, fitting[0], strict=True)}
-    return pairs
-
-
-def _remaining_pairs(
-    elements: Sequence[Element], found: dict[str, tuple[str, ...]], free: list[str]
-) -> dict[str, tuple[str, ...]]:
-    """Pair the last element of a kind with the last column of that kind."""
-    pairs: dict[str, tuple[str, ...]] = {}
-    for kind in HINTS:
-        left = [e for e in elements if e.kind == kind and e.count == 1 and e.name not in found]
-        hinted = [column for column in free if _kind(column) == kind]
-        if len(left) == len(hinted) == 1:
-            pairs[left[0].name] = (hinted[0],)
-    return pairs
-
-
-def _groups(columns: Sequence[str], count: int) -> list[tuple[str, tuple[str, ...]]]:
-    """Return groups of ``count`` columns: the common part of their names, and the columns."""
-    if count == 1:
-        return [(column, (column,)) for column in columns]
-    axes = {3: "xyz", 4: "wxyz"}.get(count)
-    if axes is None:
-        return []
-    parts: dict[str, dict[str, str]] = {}
-    for column in columns:
-        match = _COMPONENT.match(column)
-        if match:
-            parts.setdefault(match[1], {})[match[2]] = column
-    return [
-        (base, tuple(part[axis] for axis in axes))
-        for base, part in parts.items()
-        if set(part) == set(axes)
-    ]
-
-
-def _similarity(element: Element, column: str) -> float:
-    """Return the similarity of an element and a column, about 0 to 4."""
-    if column == element.name:
-        return 4.0
-    words = set(_words(column))
-    hints = frozenset().union(*HINTS.values())
-    identity = set(_words(f"{element.name} {element.target}")) - hints
-    shared = len(identity & words) / len(identity) if identity else 0.0
-    alike = SequenceMatcher(None, element.name.lower(), column.lower()).ratio()
-    kind = _kind(column)
-    fits = 0.0 if not kind or not element.kind else (0.5 if kind == element.kind else -1.5)
-    return 2.0 * shared + alike + fits
-
-
-def _kind(column: str) -> str:
-    words = set(_words(column))
     # Commands come first: the reference of a position is a command.
-    return next((kind for kind, hints in HINTS.items() if hints & words), "")
+    stated = (kind for kind in ("other", "command") if HINTS[kind].intersection(words))
+    return next(stated, "") or quantity_of_words(words, loose)
 
 
-def _words(name: str) -> list[str]:
+def quantity_of_words(words: Sequence[str], loose: bool = True) -> str:
+    """Return the quantity that the last word with one states, or else a `LOOSE` one."""
+    firm = [word for word in words if word not in LOOSE]
+    kinds = [kind for word in firm for kind in QUANTITIES if word in HINTS[kind]]
+    others = (kind for kind in QUANTITIES if loose and HINTS[kind].intersection(words))
+    return kinds[-1] if kinds else next(others, "")
+
+
+def kind_of_unit(column: str) -> str:
+    """Return the kind of quantity of the unit at the end of a name; empty without one."""
+    unit = named_unit(column, KINDS)
+    return KINDS[parse_unit(unit).si] if unit else ""
+
+
+def ending_of(column: str) -> str:
+    """Return the end of a name where a unit may be, such as "mm" of "length [mm]"."""
+    return re.split(r"[_\s\[(]", column.rstrip(")] "))[-1]
+
+
+@lru_cache(maxsize=4096)
+def words_of(name: str) -> tuple[str, ...]:
+    """Return the words of a name in lower case; those of `HINTS` in the singular."""
     spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
-    return [word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word]
+    return tuple(_singular(word.lower()) for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
+
+
+def _singular(word: str) -> str:
+    forms = (word, word.removesuffix("s"), re.sub("ies$", "y", word)) if len(word) > 3 else (word,)
+    return next((form for form in forms if form in ALL_HINTS), word)

@@ -14,6 +14,7 @@ _SIMPLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _WANTED = (
     (_SENSOR.mjSENS_JOINTPOS, _OBJECT.mjOBJ_JOINT, "position"),
     (_SENSOR.mjSENS_TENDONPOS, _OBJECT.mjOBJ_TENDON, "length"),
+    (_SENSOR.mjSENS_JOINTVEL, _OBJECT.mjOBJ_JOINT, "velocity"),
     (_SENSOR.mjSENS_ACTUATORFRC, _OBJECT.mjOBJ_ACTUATOR, "force"),
 )
 """Sensors that a machine may have, with the last word of their names."""
@@ -47,7 +48,7 @@ def complete_model(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, tuple[str, ...]]
 
 def _targets(spec: mujoco.MjSpec, kind: mujoco.mjtSensor) -> Iterator[str]:
     """Yield the names of the elements that may have a sensor of a kind."""
-    if kind == _SENSOR.mjSENS_JOINTPOS:
+    if kind in (_SENSOR.mjSENS_JOINTPOS, _SENSOR.mjSENS_JOINTVEL):
         yield from (joint.name for joint in spec.joints if joint.type in _SIMPLE)
     elif kind == _SENSOR.mjSENS_TENDONPOS:
         yield from (tendon.name for tendon in spec.tendons)

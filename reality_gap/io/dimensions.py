@@ -84,21 +84,24 @@ def joint_units(model: mujoco.MjModel, joint: str) -> tuple[str, str]:
 def actuator_units(model: mujoco.MjModel, actuator: str) -> Units:
     """Return the SI units that the command of an actuator may have; empty if all are valid.
 
-    A servo, whose bias feeds back the position or the rate, is commanded in that unit; all other
-    actuators are commanded in a force, volts, amperes or 1.
+    A servo, whose bias feeds back the position or the rate, is commanded in that unit; if it
+    integrates its command, as `intvelocity` does, it is commanded in the rate of that unit. All
+    other actuators are commanded in a force, volts, amperes or 1.
     """
     i = int(model.actuator(actuator).id)
     position, rate, force = _transmission(model, i)
     affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
     gain = float(model.actuator_gainprm[i, 0])
-    for feedback, units in zip(model.actuator_biasprm[i, 1:3], (position, rate), strict=True):
+    integrates = int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+    commands: tuple[Units, Units] = (rate, ()) if integrates else (position, rate)
+    for feedback, units in zip(model.actuator_biasprm[i, 1:3], commands, strict=True):
         if affine and feedback != 0.0 and gain == -feedback:
             return units
     if affine and model.actuator_biasprm[i, 1:3].any():
         return ()
     if int(model.actuator_gaintype[i]) != int(mujoco.mjtGain.mjGAIN_FIXED):
         return ()
-    if int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+    if integrates:
         return ()
     return (*force, "V", "A", "1")
 

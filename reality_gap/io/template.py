@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,18 +13,13 @@ import mujoco
 import numpy as np
 
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import (
-    KINDS,
-    Element,
-    guess,
-    guess_time,
-    guess_time_unit,
-    named_unit,
-)
+from reality_gap.io.column_assignment import assign_columns, note_doubts, undriven
+from reality_gap.io.column_guesses import Element
+from reality_gap.io.column_names import guess_time_unit, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless
-from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
+from reality_gap.io.validation import simple_joints
 from reality_gap.study.data import load_untrusted_spec
 
 Note = Callable[[str], None]
@@ -63,6 +58,7 @@ def draft_study(
     name: str | None = None,
     note: Note = lambda sentence: None,
     recordings: Mapping[str, str] | None = None,
+    added: Collection[str] = (),
 ) -> str:
     """Draft the text of a STUDY.yaml.
 
@@ -77,6 +73,7 @@ def draft_study(
         name: name of the study; by default that of the model's file.
         note: called with a sentence on what was guessed by size or left out.
         recordings: name of the recording that a log is a part of, by the file name of the log.
+        added: names of sensors that the user's model lacks.
 
     Returns:
         The text of the file.
@@ -91,13 +88,11 @@ def draft_study(
     if not logs:
         raise StudyError("a study needs at least one log")
     columns = tuple(dict.fromkeys(c for log in logs for c in log.columns if c))
-    clock = guess_time(columns)
-    free = [column for column in columns if column != clock]
-    parts = _elements(model)
-    found = {}
-    for part, elements in parts.items():
-        found[part] = guess(elements, free)
-        free = [c for c in free if not any(c in group for group in found[part].values())]
+    assignment = assign_columns(model, columns, added)
+    note_doubts(assignment, note)
+    if not model.nu and (sentence := undriven(simple_joints(model), columns)):
+        note(sentence)
+    parts, found, free = assignment.parts, assignment.found, assignment.free
     resting = _resting(model, logs, parts["sensors"], found["sensors"])
     for sensor in resting:
         [column] = found["sensors"].pop(sensor)
@@ -106,29 +101,12 @@ def draft_study(
         HEAD + f"name: {yaml_text(name or path.stem)}",
         f"model: {yaml_text(_relative(path, folder))}",
         *_episodes(logs, found["actuators"], folder, _positions(model, resting), recordings or {}),
-        _time(logs, clock),
+        _time(logs, assignment.clock),
     ]
     for part, elements in parts.items():
         if elements or part == "sensors":
             lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free, note)]
     return "\n".join([*lines, _initial(model, found["sensors"])]) + "\n"
-
-
-def _elements(model: mujoco.MjModel) -> dict[str, list[Element]]:
-    """Return the elements that need columns, by part of the study."""
-    joints = () if model.nu else simple_joints(model)
-    return {
-        "actuators": [Element(name, "", "command") for name in actuator_names(model) if name],
-        "sensors": [_sensor(model, name) for name in sensor_names(model)],
-        "efforts": [Element(name, "", "force") for name in joints],
-    }
-
-
-def _sensor(model: mujoco.MjModel, name: str) -> Element:
-    sensor = model.sensor(name)
-    target = mujoco.mj_id2name(model, int(sensor.objtype[0]), int(sensor.objid[0])) or ""
-    kinds = {KINDS.get(unit, "") for unit in sensor_units(model, name)}
-    return Element(name, target, kinds.pop() if len(kinds) == 1 else "", int(sensor.dim[0]))
 
 
 def _units(model: mujoco.MjModel, part: str, name: str) -> tuple[str, ...]:

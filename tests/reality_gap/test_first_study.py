@@ -294,3 +294,80 @@ def test_runs_of_one_file_are_one_log_and_keep_their_times(model: Path, tmp_path
     assert study.episodes_of("monday") == (0, 1)
     begins = np.cumsum([0.0, *(episode.duration for episode in study.episodes[:-1])])
     np.testing.assert_allclose(study.elapsed(begins + 1.0), [1.0, 601.0, 86401.0])
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "time,shoulder_pan_cmd,elbow_flex_cmd,shoulder_pan,elbow_flex",
+        "time,commanded.shoulder_pan,commanded.elbow_flex,positions.shoulder_pan,positions.elbow_flex",
+        "time,desired.positions.0,desired.positions.1,actual.positions.0,actual.positions.1",
+    ],
+)
+def test_a_log_of_a_sound_machine_has_its_commands_and_readings(
+    model: Path, tmp_path: Path, header: str
+) -> None:
+    time, command, angles = motion()
+    log = table(tmp_path / "log.csv", header, time, *command.T, *angles.T)
+    study, notes = drafted(model, tmp_path, log)
+    np.testing.assert_allclose(study.episodes[0].command, command)
+    values = [reading.value for reading in study.episodes[0].readings]
+    np.testing.assert_allclose(np.transpose(values), angles)
+    assert not any("corrected" in note for note in notes)
+
+
+def speeds(time: Floats, angles: Floats) -> Floats:
+    """Velocities of the arm, shape (k, 2) [rad/s]."""
+    return np.gradient(angles, time, axis=0)
+
+
+@pytest.mark.parametrize("columns", ["{}_velocity", "velocities.{}", "{}_speed", "qd_{}"])
+def test_velocities_are_readings(model: Path, tmp_path: Path, columns: str) -> None:
+    """A log of commands and velocities needs no positions."""
+    time, command, angles = motion()
+    names = [columns.format(joint) for joint in ("shoulder_pan", "elbow_flex")]
+    header = ",".join(["time,cmd_shoulder_pan,cmd_elbow_flex", *names])
+    rates = speeds(time, angles)
+    log = table(tmp_path / "log.csv", header, time, *command.T, *rates.T)
+    study, _ = drafted(model, tmp_path, log)
+    assert [(channel.sensor, channel.unit) for channel in study.channels] == [
+        ("shoulder_pan_velocity", "rad/s"),
+        ("elbow_flex_velocity", "rad/s"),
+    ]
+    np.testing.assert_allclose(study.episodes[0].readings[1].value, rates[:, 1])
+
+
+def without_actuators(model: Path) -> None:
+    text = model.read_text()
+    begin, end = text.index("<actuator>"), text.index("</mujoco>")
+    model.write_text(text[:begin] + text[end:])
+
+
+def test_commands_of_a_model_without_actuators_are_refused(model: Path, tmp_path: Path) -> None:
+    """A diagnosis would be that of a passive machine."""
+    without_actuators(model)
+    time, command, angles = motion()
+    log = table(tmp_path / "log.csv", HEADER, time, *command.T, *angles.T)
+    with pytest.raises(StudyError, match="no actuators, but cmd_shoulder_pan, cmd_elbow_flex seem"):
+        write_first_study(model, [log], tmp_path / "study", print)
+    assert not (tmp_path / "study").exists()
+
+
+def test_commands_beside_efforts_need_no_actuators(model: Path, tmp_path: Path) -> None:
+    without_actuators(model)
+    time, command, angles = motion()
+    header = f"{HEADER},effort_shoulder_pan,effort_elbow_flex"
+    log = table(tmp_path / "log.csv", header, time, *command.T, *angles.T, *angles.T)
+    notes: list[str] = []
+    path = write_first_study(model, [log], tmp_path / "study", notes.append)
+    assert "\nefforts:\n" in path.read_text()
+    assert any(note.endswith("fits: cmd_shoulder_pan, cmd_elbow_flex") for note in notes)
+
+
+def test_a_passive_machine_needs_no_commands(model: Path, tmp_path: Path) -> None:
+    without_actuators(model)
+    time, _, angles = motion()
+    header = "time,q_shoulder_pan,q_elbow_flex"
+    log = table(tmp_path / "log.csv", header, time, *angles.T)
+    study, _ = drafted(model, tmp_path, log)
+    assert len(study.channels) == 2

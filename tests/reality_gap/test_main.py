@@ -284,6 +284,18 @@ def test_init_writes_a_study_that_can_be_checked(
     assert "2 episodes" in capsys.readouterr().out
 
 
+def test_init_prints_which_columns_are_not_used(
+    study_folder: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = study_folder.logs["robot_0.csv"]
+    log["velocity_flexor"] = log["length_flexor"]
+    root = study_folder.write().parent
+    arguments = [str(root / "lever.xml"), str(root / "robot_0.csv")]
+    assert main(["init", *arguments, "--out", str(root / "new.yaml")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "note: not used, because no element of the model fits: velocity_flexor" in printed
+
+
 def test_init_overwrites_nothing(study_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
     root = study_folder.path.parent
     before = study_folder.path.read_text(encoding="utf-8")

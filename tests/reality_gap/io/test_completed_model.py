@@ -14,5 +14,5 @@ def test_two_actuators_without_names_on_one_joint_get_two_names() -> None:
     )
     found, added = complete_model(spec)
     assert [actuator.name for actuator in found.actuators] == ["j", "j_2"]
-    assert added == ("j_position", "j_force", "j_2_force")
+    assert added == ("j_position", "j_velocity", "j_force", "j_2_force")
     found.compile()

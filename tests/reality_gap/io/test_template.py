@@ -135,3 +135,13 @@ def test_the_last_column_of_a_kind_goes_to_the_last_element_of_that_kind(
     actuators = yaml.safe_load(draft(study_folder))["actuators"]
     assert actuators["flexor"]["column"] == "u"
     assert actuators["extensor"]["column"] == "target_extensor"
+
+
+def test_what_is_not_used_is_noted(study_folder: Any) -> None:
+    rename(study_folder, {"length_flexor": "velocity_flexor"})
+    root = study_folder.write().parent
+    notes: list[str] = []
+    text = draft_study(root / "lever.xml", [root / log for log in LOGS], note=notes.append)
+    sensors = yaml.safe_load(text)["sensors"]
+    assert "velocity_flexor" not in [line.get("column") for line in sensors.values()]
+    assert any("no element of the model fits: velocity_flexor" in note for note in notes)
