@@ -13,17 +13,20 @@ from reality_gap.inference.theta import prior_weights
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
 from reality_gap.study.splits import REPORT, blocks, split
-from reality_gap.types import Floats, Ints
+from reality_gap.types import Bools, Floats, Ints
 
 SAMPLES = 1000
 """Number of bootstrap samples of an interval."""
+SHOWN = 0.01
+"""Share of the power of a change that lies in the report split, a quarter of the log, below which
+the report split does not show it."""
 LEAST_WEIGHT = 0.1
 """Least prior weight of a parameter in a refit to one split, which may not show it at all."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Comparison of two models by the RMS of their residuals on the report split.
+    """Comparison of two models by the RMS of their residuals on `reported` readings.
 
     Attributes:
         before, after: RMS without and with the extension, in units of noise.
@@ -41,15 +44,33 @@ class Score:
     improvement: Gain
 
 
+def is_shown(measured: Measured, change: Floats) -> bool:
+    """Return whether the report split shows a change of a residual (n,).
+
+    A short event may lie between two of its blocks.
+    """
+    report = split(measured) == REPORT
+    return float(np.sum(change[report] ** 2)) >= SHOWN * float(np.sum(change**2))
+
+
+def reported(measured: Measured, change: Floats) -> Bools:
+    """Return by which readings a change of a residual (n,) is reported, shape (n,).
+
+    They are those of the report split, or all if it does not show the change.
+    """
+    report: Bools = split(measured) == REPORT
+    return report if is_shown(measured, change) else np.ones_like(report)
+
+
 def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Score:
-    """Compare two residuals on the report split; intervals are those of a bootstrap over blocks.
+    """Compare two residuals on `reported` readings; intervals come from a bootstrap over blocks.
 
     Args:
         study: the study.
         measured: its readings.
         before, after: residuals without and with an extension in units of noise, shape (n,).
     """
-    use = split(measured) == REPORT
+    use = reported(measured, before - after)
     floor = np.minimum(1.0, rough_noise(study)[measured.channel] / measured.noise)[use]
     block = np.unique(blocks(measured)[use], return_inverse=True)[1]
     sums: Floats = np.column_stack(

@@ -46,9 +46,7 @@ def with_hidden_edges(problem: Problem, fitted: Fit) -> Fit:
     return fitted
 
 
-def _trials(
-    problem: Problem, hypothesis: Hypothesis, i: int, at_end: bool
-) -> list[Hypothesis]:
+def _trials(problem: Problem, hypothesis: Hypothesis, i: int, at_end: bool) -> list[Hypothesis]:
     """Return a hypothesis with one edge of the event ``i`` elsewhere in its block, if hidden."""
     if not (times := _begin_and_end(hypothesis, i)):
         return []

@@ -5,9 +5,10 @@ none has. Each cause of the final set is therefore tested on readings that its p
 fitted to: the set must predict them better than the set without the cause, fitted again, and than
 the nominal model. In cross-validation over all folds, the 95 % interval of the gain must lie above
 zero; on the report split, which had no part in the choice of the cause either, the gain must be
-positive, and the RMS of the residual must not surely grow. The cause that fails most is dropped,
-until all of the rest pay. A cause with a parameter at its bound is dropped before, and one in whose
-place a stop explains more: the fit shows that it stands for another one.
+positive unless a short event lies between two of its blocks, and the RMS of the residual must not
+surely grow. The cause that fails most is dropped, until all of the rest pay. A cause with a
+parameter at its bound is dropped before, and one in whose place a stop explains more: the fit shows
+that it stands for another one.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from reality_gap.inference.deviations import deviations
 from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import SWAP, Search
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
-from reality_gap.inference.held_out import score
+from reality_gap.inference.held_out import is_shown, score
 from reality_gap.inference.hidden_edges import with_hidden_edges
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 
@@ -41,15 +42,23 @@ class Gains(NamedTuple):
     Attributes:
         folds: gain in log likelihood of all folds, each predicted from the others [nats].
         report: gain in log likelihood of the report split [nats].
+        is_shown: whether the report split has a part in what the causes change. A short event may
+            lie between two of its blocks.
     """
 
     folds: Gain
     report: Gain
+    is_shown: bool = True
+
+    @property
+    def pays_in_report(self) -> bool:
+        """Whether the gain of the report split is above zero, if it shows the causes."""
+        return self.report.value > 0.0 or not self.is_shown
 
     @property
     def pays(self) -> bool:
         """Whether the gain of all folds is surely above zero, and that of the report split is."""
-        return self.folds.low > 0.0 and self.report.value > 0.0
+        return self.folds.low > 0.0 and self.pays_in_report
 
 
 @dataclass(frozen=True)
@@ -169,7 +178,8 @@ def held_out_test(result: Search) -> Tested:
     without = tuple(_without(result, i) for i in range(len(best.hypothesis)))
 
     def gains(one: Fit) -> Gains:
-        return Gains(folds.cross_validated(one), folds.report(one))
+        shown = is_shown(problem.measured, one.residual - best.residual)
+        return Gains(folds.cross_validated(one), folds.report(one), shown)
 
     # Deviations may have hidden a part of what a cause adds; without it they cost more.
     left = [one.left_with_cost for one in deviations(problem, null.residual, best.residual)]
@@ -191,7 +201,7 @@ def held_out_criteria(paying: Paying) -> tuple[Criterion, ...]:
         low, value, near = gains.folds.low, gains.report.value, distance_to_bound(part)
         found += [
             Criterion(f"folds_gain_low: {part[0]}", low, 0.0, low > 0.0, NO_GAIN),
-            Criterion(f"report_gain: {part[0]}", value, 0.0, value > 0.0, NO_GAIN),
+            Criterion(f"report_gain: {part[0]}", value, 0.0, gains.pays_in_report, NO_GAIN),
             Criterion(f"distance_to_bound: {part[0]}", near, NEAR, near > NEAR, AT_BOUND),
         ]
     if all_parts:

@@ -14,10 +14,11 @@ import numpy as np
 from reality_gap.diagnosis import Share
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit, fit
+from reality_gap.inference.held_out import reported
 from reality_gap.inference.paying import Tested
 from reality_gap.inference.whitening import explained_by_tolerances
 from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.study.splits import REPORT, split
+from reality_gap.study.splits import SELECT, split
 from reality_gap.types import Floats
 
 TOLERANCES = "small deviations within the tolerances"
@@ -33,13 +34,13 @@ def waterfall(
         result: the search.
         tested: the test of its best causes.
         order: these causes in the order in which they are added.
-        before: RMS of the residual of the nominal model on the report split [noise].
+        before: RMS of the residual of the nominal model on the reported readings [noise].
         floor: RMS of the readings' own noise there [noise].
     """
     problem, best = result.problem, result.best
-    report = split(problem.measured) == REPORT
-    model = problem.noise_model
-    within = explained_by_tolerances(model.tolerances, model.inflation, ~report, best.residual)
+    used, model = split(problem.measured) <= SELECT, problem.noise_model
+    report = reported(problem.measured, problem.null_residual - best.residual)
+    within = explained_by_tolerances(model.tolerances, model.inflation, used, best.residual)
 
     def rms(residual: Floats) -> float:
         return float(np.sqrt(np.mean(residual[report] ** 2)))

@@ -111,9 +111,7 @@ def _motions(system: System, actuator: int, joint: int) -> Iterator[tuple[Floats
                     yield episode.command[np.maximum(row, 0), at], reading
 
 
-def _servo_force(
-    model: mujoco.MjModel, actuator: int, command: Floats, reading: Reading
-) -> Floats:
+def _servo_force(model: mujoco.MjModel, actuator: int, command: Floats, reading: Reading) -> Floats:
     """Return the force of a servo before its gear at the readings of its joint (k,)."""
     gear = float(model.actuator_gear[actuator, 0])
     constant, by_length, by_speed = (float(x) for x in model.actuator_biasprm[actuator, :3])

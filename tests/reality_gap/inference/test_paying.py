@@ -17,6 +17,7 @@ from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.folds import Folds, _gain, _Part
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import fit, null_fit
+from reality_gap.inference.held_out import score
 from reality_gap.inference.paying import (
     AT_BOUND,
     NO_GAIN,
@@ -24,7 +25,7 @@ from reality_gap.inference.paying import (
     held_out_criteria,
     keep_paying,
 )
-from reality_gap.inference.waterfall import shares
+from reality_gap.inference.waterfall import shares, waterfall
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.splits import REPORT, split
 from tests.reality_gap.inference.imperfect_models import (
@@ -184,6 +185,28 @@ def test_an_event_in_one_block_of_the_report_split_pays(tmp_path: Path) -> None:
     found = Folds(result.problem, result.best).report(null_fit(result.problem))
 
     assert found.low > 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_event_between_two_blocks_of_the_report_split_pays(tmp_path: Path, seed: int) -> None:
+    """There it changes nothing, or 0.01 noises that are right or wrong by chance."""
+    learned = Case(tmp_path, np.zeros(len(TIME)), []).learned
+    block = np.floor(TIME / 0.25).astype(int)
+    first = block[learned][40]
+    short = np.where((block >= first) & (block <= first + 1), SHAPES[:, 0], 0.0)
+    event = short * learned + 0.01 * np.random.default_rng(seed).standard_normal(len(TIME))
+    result = Case(tmp_path, 3.0 * short * learned, [candidate("event", event)]).search()
+
+    found = keep_paying(result)
+
+    assert ids(found.result.best) == ["event"]
+    assert found.dropped == ()
+    assert not found.tested.total.is_shown
+    study, measured = result.problem.system.study, result.problem.measured
+    scored = score(study, measured, result.problem.null_residual, found.result.best.residual)
+    assert scored.before > scored.after + 0.05
+    steps = waterfall(found.result, found.tested, [result.best.candidates[0]], scored.before, 1.0)
+    assert steps[-1].fraction > 0.5
 
 
 def test_tolerances_that_all_folds_share_widen_the_interval(tmp_path: Path) -> None:

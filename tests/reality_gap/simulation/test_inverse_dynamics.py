@@ -263,7 +263,7 @@ def test_a_joint_whose_encoder_reads_one_value_rests(study: Study) -> None:
 def test_samples_near_a_gap_of_a_reading_are_left_out(study: Study) -> None:
     """The others have the values that they have without the gap."""
     [whole], [episode] = prepare(study).episodes, study.episodes
-    cut = [r for r in episode.readings]
+    cut = list(episode.readings)
     for c in (0, 1, 3):  # the positions, and the torque of the elbow
         seen = (cut[c].time < 4.0) | (cut[c].time > 5.0)
         cut[c] = Reading(cut[c].time[seen], cut[c].value[seen])
