@@ -91,6 +91,19 @@ class Criterion:
 
 
 @dataclass(frozen=True)
+class Doubt:
+    """Something that may be right in the place of a named cause.
+
+    Attributes:
+        reason: what it is.
+        probability: that it is right.
+    """
+
+    reason: str
+    probability: float
+
+
+@dataclass(frozen=True)
 class FittedCandidate:
     """A candidate that was fitted.
 
@@ -100,7 +113,7 @@ class FittedCandidate:
         score: gain in log likelihood of the selection split by a fit to the fit split [nats].
         confidence: probability that it is a right cause. The sum over a step may be below 1; the
             rest is that of no cause at all, and of causes that are not in the catalogue (see
-            `Diagnosis.unmodelled`).
+            `NamedCause.doubts`).
         step: index of the cause in whose place it was tried.
         chosen: whether it is that cause.
         evidence: log marginal likelihood relative to the hypothesis without it [nats].
@@ -129,6 +142,8 @@ class NamedCause:
             cross-validation [nats]; None for a group of causes.
         share: what it removes from the error of the report split, beside the causes before it.
         logs: its values in each log; None if there is one log.
+        doubts: what lowers the confidence, the likeliest first; their probabilities and the
+            confidence add up to 1.
     """
 
     candidate: Candidate
@@ -139,6 +154,7 @@ class NamedCause:
     gain: Gain | None = None
     share: Share | None = None
     logs: LogComparison | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def title(self) -> str:
@@ -284,7 +300,8 @@ class Diagnosis:
             split; the last ``after`` is what remains.
         rejected: causes of the best attempt that are not named.
         flat: what this study cannot show, by cause and location.
-        unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
+        unmodelled: probability that unknown causes have the effect of all causes; None if no cause
+            was found. Each cause may be in more doubt; see `NamedCause.doubts`.
         likelihood_gain: gain in log likelihood of held-out readings by the named causes together,
             given the tolerances, by cross-validation [nats]; None if no single causes are named.
         posterior: what the data leave open, of which `sample` returns models; None if the

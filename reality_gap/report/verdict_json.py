@@ -14,6 +14,8 @@ Keys of the file, which are part of the interface:
                           logs; absent if it acts in all
         parameters        by name: value, low, high (95 % interval), unit
         confidence        probability that the cause is right
+        doubts            what lowers the confidence, the likeliest first: reason, probability;
+                          these and the confidence add up to 1
         equivalent        ids of causes that these data cannot distinguish from it
         elsewhere         list of other locations (kind, elements, note) where the same cause would
                           have the same effect
@@ -33,7 +35,8 @@ Keys of the file, which are part of the interface:
     criteria              comparisons on which the verdict was decided: name, value, threshold, met,
                           objection
     measures              numbers of the search and of what its causes leave, by name
-    unmodelled            probability that none of the known causes is right; null if none was found
+    unmodelled            probability that unknown causes have the effect of all causes; null if
+                          none was found; "doubts" hold what lowers the confidence of each cause
     rms_before            RMS of the residual of the model on held-out data, in noise deviations
     rms_after             the same for the extended model
     noise_floor           RMS that the noise alone would leave
@@ -138,6 +141,7 @@ def _cause(cause: NamedCause) -> Json:
         **location_json(cause.candidate.location),
         "parameters": {name: _estimate(value) for name, value in cause.parameters.items()},
         "confidence": cause.confidence,
+        "doubts": [{"reason": d.reason, "probability": d.probability} for d in cause.doubts],
         "equivalent": list(cause.equivalent),
         "elsewhere": [location_json(location) for location in cause.elsewhere],
         "held_out_gain": _gain(cause.gain),

@@ -99,6 +99,10 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
         "high": 3.5,
         "unit": "N",
     }
+    for cause in (first, second):
+        chances = [one["probability"] for one in cause["doubts"]]
+        assert cause["confidence"] + sum(chances) == pytest.approx(1.0)
+    assert first["doubts"][0]["reason"] == "another known cause in its place"
     assert second["equivalent"] == ["length_scale"]
     assert second["elsewhere"] == [{"kind": "tendon", "elements": ["flexor"], "note": ""}]
     assert found["gain"] == {"value": 0.955, "low": 0.93, "high": 0.97}

@@ -123,6 +123,9 @@ def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
     assert opening < first < second < rest
     assert "On held-out data it removes 73 % of the error above the noise" in found[first:second]
     assert "by 50.0 nats (95 % interval 30.0 to 70.0)" in found[first:second]
+    known = "Its confidence is 93 %; the rest is that of another known cause in its place (7 %)."
+    assert known in found[first:second]
+    assert "88 %; the rest is that of an unknown cause (12 %)." in found[second:rest]
     partly = "More is wrong than that: the extended model leaves errors above the noise" in found
     assert partly is (verdict is Verdict.PARTLY_NAMED)
 
