@@ -283,9 +283,11 @@ class Diagnosis:
             surely above the floor, or if causes are named whose gain in the RMS is not surely above
             zero.
         unexplained_fraction: share of the power above the floor that the best causes leave, whether
-            they are named or not, 0 to 1.
+            they are named or not, 0 to 1; if the verdict is "nothing_wrong", what deviations within
+            the tolerances leave of it, or 0 if ``rms_before`` is not surely above the floor.
         explainable_fraction: share of the power above the floor that the best causes and a learned
-            residual together explain on the report split; an upper bound.
+            residual together explain on the report split, or tolerances if the verdict is
+            "nothing_wrong"; an upper bound.
         depends_on: quantities that explain most of the remainder, strongest first.
         next_experiment: an experiment that is likely to halve the remaining doubt; None if there is
             none.

@@ -7,6 +7,7 @@ were tried share what they leave.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from reality_gap.diagnosis import Criterion, Doubt
 from reality_gap.inference.confidence import doubt_beside_unknown, doubt_of_form
@@ -45,11 +46,17 @@ def doubts_of_partial(
     ]
 
 
+def lowered(one: Alternatives, doubts: Sequence[Doubt]) -> Alternatives:
+    """Return a cause and what was tried in its place, with confidences that doubts lower."""
+    right = 1.0 - sum(doubt.probability for doubt in doubts)
+    return replace(one, confidence=right * one.confidence)
+
+
 def all_doubts(one: Alternatives, doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
     """Return all that lowers the confidence of a cause, the likeliest first.
 
     Args:
-        one: the cause and what was tried in its place, with confidences that ``doubts`` lowered.
+        one: the cause and what was tried in its place, as `lowered` returns it.
         doubts: why unknown causes may have its effect.
     """
     tried = float(one.confidence.sum())

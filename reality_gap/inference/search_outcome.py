@@ -18,11 +18,11 @@ from reality_gap.diagnosis import (
     Verdict,
 )
 from reality_gap.inference.confidence import doubt_of_partial, unmodelled
-from reality_gap.inference.doubts import UNKNOWN, all_doubts, doubts_of_partial
+from reality_gap.inference.doubts import UNKNOWN, all_doubts, doubts_of_partial, lowered
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.held_out import Score, score, selection_score
+from reality_gap.inference.held_out import Score, score, selection_score, share_left
 from reality_gap.inference.intervals import intervals
 from reality_gap.inference.log_values import compare_logs
 from reality_gap.inference.next_experiment import next_experiment
@@ -64,11 +64,12 @@ def search_outcome(
     doubts: list[tuple[Doubt, ...]] = [(Doubt(UNKNOWN, doubt or 0.0),)] * len(found)
     if verdict is Verdict.PARTLY_NAMED:
         doubts = doubts_of_partial(paying, doubt or 0.0, judged)
-    fitted = tuple(
-        replace(one, confidence=(1.0 - sum(d.probability for d in own)) * one.confidence)
-        for one, own in zip(found, doubts, strict=True)
-    )
+    fitted = tuple(lowered(one, own) for one, own in zip(found, doubts, strict=True))
     scored = tried if named else score(study, measured, null, null)
+    unexplained, explainable = tried.unexplained, _explainable(problem, best.residual, remainder)
+    if verdict is Verdict.NOTHING_WRONG:
+        unexplained = _left_by_tolerances(scored, remainder)
+        explainable = max(explainable, 1.0 - unexplained)
     causes = _named_causes(paying, fitted, doubts) if named else ()
     steps = _waterfall(paying, causes, scored) if named else ()
     return Outcome(
@@ -79,8 +80,8 @@ def search_outcome(
         causes=tuple(replace(c, share=s) for c, s in zip(causes, steps[1:], strict=True)),
         fitted_candidates=_fitted_candidates(problem, fitted),
         gain=scored.gain if tried.improvement.low > 0.0 or not named else None,
-        unexplained_fraction=tried.unexplained,
-        explainable_fraction=_explainable_fraction(problem, best.residual, remainder),
+        unexplained_fraction=unexplained,
+        explainable_fraction=explainable,
         depends_on=remainder.depends_on,
         not_judged=not_judged,
         measures=_measures(paying, remainder),
@@ -217,7 +218,14 @@ def _refused(result: Search) -> float:
     return last.gain
 
 
-def _explainable_fraction(problem: Problem, residual: Floats, remainder: Remainder) -> float:
+def _left_by_tolerances(scored: Score, remainder: Remainder) -> float:
+    """Return the share of the power above the noise that deviations within tolerances leave."""
+    if scored.gain is None:  # the error may be noise alone
+        return 0.0
+    return share_left(scored.before, remainder.before, scored.floor)
+
+
+def _explainable(problem: Problem, residual: Floats, remainder: Remainder) -> float:
     """Return the share of the power above the noise that causes and learned residual explain."""
     report = split(problem.measured) == REPORT
     left = residual - remainder.learned.prediction

@@ -43,8 +43,10 @@ Keys of the file, which are part of the interface:
     gain                  (before - after) / (before - floor): value, low, high; null if uncertain
     likelihood_gain       increase of the log likelihood of readings to which the causes were not
                           fitted [nats]: value, low, high; or null
-    unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1
-    explainable_fraction  share that a learned residual would explain, 0 to 1
+    unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1; if
+                          "nothing_wrong", what deviations within the tolerances leave
+    explainable_fraction  share that the causes and a learned residual would explain, 0 to 1; if
+                          "nothing_wrong", at least what these deviations do
     depends_on            what the remaining error depends on: quantity, channel, fraction
     next_experiment       title, sentence, commands (name of a file), separation, separation_before
                           [noise deviations]; or null
