@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -23,6 +23,8 @@ NO_POSTERIOR = (
     "the model itself with ranges of your own, or name the gap first, such as with another motion"
 )
 """Why an unexplained gap has no samples."""
+STOP = "gain_of_stop"
+"""Name of the criterion that no end stop explains more than the causes do."""
 
 
 class Verdict(Enum):
@@ -88,6 +90,11 @@ class Criterion:
     threshold: float
     met: bool
     objection: str
+
+
+def names_stop(criteria: Sequence[Criterion]) -> bool:
+    """Return whether an end stop of a joint explains what the causes do not."""
+    return any(one.name == STOP and not one.met for one in criteria)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Diagnosis, Gain, Share, Verdict
+from reality_gap.diagnosis import STOP, Criterion, Diagnosis, Gain, Share, Verdict
 from reality_gap.report.html import page
 from reality_gap.report.plots.candidates import as_likely, by_step
 from reality_gap.report.plots.canvas import png
@@ -140,6 +140,21 @@ def test_an_attempt_is_shown_with_its_values_and_is_no_change(
     text = "Length offset extensor offset 0 mm it has a parameter at its bound"
     assert text in found
     assert ("The best attempt" in found) is (verdict is Verdict.UNEXPLAINED)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("met", [False, True])
+def test_a_stop_is_the_likeliest_cause_of_what_is_left(
+    met: bool, diagnosed: Make, lever_study: Study
+) -> None:
+    stop = Criterion(STOP, 50.0, 5.0, met, "explains less than an end stop of jy would")
+
+    found = read(page(replace(diagnosed(Verdict.UNEXPLAINED), criteria=(stop,)), lever_study)).text
+
+    assert (
+        "The remaining error shows most in length_flexor. A joint that runs" in found
+    ) is not met
+    assert ("depends most on velocity sign of elbow" in found) is met
 
 
 @pytest.mark.usefixtures("blank_pictures")
