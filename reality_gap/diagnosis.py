@@ -315,6 +315,9 @@ class Diagnosis:
             given the tolerances, by cross-validation [nats]; None if no single causes are named.
         posterior: what the data leave open, of which `sample` returns models; None if the
             verdict is "unexplained".
+        notes: what is suspicious in the study, such as a sensor with the opposite sign; see
+            `reality_gap.check_study`. None if it was not checked; `reality_gap.write_diagnosis`
+            then checks it.
     """
 
     study: str
@@ -343,6 +346,7 @@ class Diagnosis:
     rejected: tuple[Rejected, ...] = ()
     flat: tuple[FlatDirection, ...] = ()
     posterior: Posterior | None = None
+    notes: tuple[str, ...] | None = None
 
     def sample(self, n: int, seed: int = 0) -> list[Extended]:
         """Sample models of what the machine may be, such as for the training of a policy.

@@ -82,6 +82,8 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         diagnosis=diagnosis,
         verdict=diagnosis.verdict.value,
         kind=words.kind(diagnosis.verdict),
+        notes=diagnosis.notes or (),
+        about_notes=words.about_notes(diagnosis),
         figures=words.figures(diagnosis),
         why=words.why(diagnosis),
         rows=[row for cause in diagnosis.causes for row in parameter_rows(cause)],

@@ -4,6 +4,8 @@ Keys of the file, which are part of the interface:
 
     verdict               "nothing_wrong", "named", "partly_named" or "unexplained"
     sentence              the verdict in words
+    notes                 what is suspicious in the study, as sentences: the command check prints
+                          the same; often the reason of an "unexplained" gap
     causes                named causes, the one that explains most first; empty unless "named" or
                           "partly_named":
         cause             id in the catalogue
@@ -97,6 +99,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
     content = {
         "verdict": diagnosis.verdict.value,
         "sentence": diagnosis.sentence,
+        "notes": list(diagnosis.notes or ()),
         "causes": [_cause(cause) for cause in diagnosis.causes],
         "waterfall": [_share(step) for step in diagnosis.waterfall],
         "rejected": [_rejected(one) for one in diagnosis.rejected],

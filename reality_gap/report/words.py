@@ -53,6 +53,18 @@ def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     return found
 
 
+def about_notes(diagnosis: Diagnosis) -> str:
+    """Return a sentence that refers to the notes of an unexplained gap; empty without notes."""
+    count = len(diagnosis.notes or ())
+    if diagnosis.verdict is not Verdict.UNEXPLAINED or not count:
+        return ""
+    what = "the note on the study above" if count == 1 else f"the {count} notes on the study above"
+    return (
+        f"Consider {what} first: a wrong sign, unit or column is an error of the study, which no "
+        "cause explains."
+    )
+
+
 def why(diagnosis: Diagnosis) -> list[str]:
     """Return the reasons of the verdict: why causes are named in part only, or not at all."""
     if diagnosis.verdict.has_names:

@@ -158,6 +158,25 @@ def test_a_stop_is_the_likeliest_cause_of_what_is_left(
 
 
 @pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("verdict", Verdict)
+def test_a_page_begins_with_the_notes_on_the_study(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    notes = ("effort of <b>joint4</b> has the opposite sign", "two links touch")
+    diagnosis = diagnosed(verdict)
+
+    found = read(page(replace(diagnosis, notes=notes), lever_study)).text
+
+    assert found.index("Notes on the study") < found.index(notes[0]) < found.index(notes[1])
+    assert found.index(notes[1]) < found.index(diagnosis.sentence)
+    refers = "Consider the 2 notes on the study above first" in found
+    assert refers is (verdict is Verdict.UNEXPLAINED)
+    for none in ((), None):
+        without = read(page(replace(diagnosis, notes=none), lever_study)).text
+        assert "otes on the study" not in without
+
+
+@pytest.mark.usefixtures("blank_pictures")
 def test_no_share_is_all(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
     share = Share("all", 12.0, 1.0, 1.0)
