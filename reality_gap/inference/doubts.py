@@ -15,6 +15,8 @@ from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.paying import Paying
 from reality_gap.inference.remainder import channel_powers
 
+ROUNDING = 1e-12
+"""Probability up to which a doubt is an error of rounding."""
 UNKNOWN = "an unknown cause that has the effect of the named causes"
 BESIDE = "an unknown cause with a similar effect in what remains"
 FORM = "a cause that is only nearly this one, because much remains"
@@ -62,6 +64,5 @@ def all_doubts(one: Alternatives, doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
     tried = float(one.confidence.sum())
     none = 1.0 - sum(doubt.probability for doubt in doubts) - tried
     found = [*doubts, Doubt(OTHERS, tried - one.right), Doubt(NONE, none)]
-    return tuple(
-        sorted((doubt for doubt in found if doubt.probability > 0.0), key=lambda d: -d.probability)
-    )
+    listed = [doubt for doubt in found if doubt.probability > ROUNDING]
+    return tuple(sorted(listed, key=lambda doubt: -doubt.probability))
