@@ -55,7 +55,7 @@ def test_a_light_model_moves_as_before_and_is_small() -> None:
     assert spec.to_xml() == text
 
 
-def test_a_model_whose_contacts_do_not_count_keeps_what_wires_wrap_around() -> None:
+def test_a_model_whose_contacts_do_not_count_keeps_what_tendons_wrap_around() -> None:
     spec = mujoco.MjSpec.from_string(MODEL)
     light = light_spec(spec, contacts=False)
     assert [geom.name for geom in light.geoms] == ["pulley"]
