@@ -60,8 +60,8 @@ def about_notes(diagnosis: Diagnosis) -> str:
         return ""
     what = "the note on the study above" if count == 1 else f"the {count} notes on the study above"
     return (
-        f"Consider {what} first: a wrong sign, unit or column is an error of the study, which no "
-        "cause explains."
+        f"Consider {what} first: an error of the study, such as a wrong sign, unit or column, is "
+        "none of the causes."
     )
 
 
