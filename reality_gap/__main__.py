@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -151,7 +151,8 @@ def diagnose(command: Diagnose, console: Console) -> None:
     check_out(command.out)
     silence()
     study = load_study(command.study)
-    for sentence in check_study(study):
+    notes = check_study(study)
+    for sentence in notes:
         _print(console, f"note: {sentence}")
     plan = fit_memory(
         study,
@@ -170,6 +171,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
             progress=progress,
             work=work,
         )
+    diagnosis = replace(diagnosis, notes=notes)
     write_diagnosis(diagnosis, plan.study, command.out)
     forget(work)
     _print_verdict(diagnosis, console)
@@ -236,11 +238,12 @@ def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
     """Print the sentence of a verdict, its causes, and what the log cannot show."""
     from reality_gap.report.log_text import flat_line, log_lines
     from reality_gap.report.terminal import cause_table
+    from reality_gap.report.words import about_notes
 
     _print(console, diagnosis.sentence)
     if diagnosis.causes:
         console.print(cause_table(diagnosis), markup=False)
-    for line in (*log_lines(diagnosis), flat_line(diagnosis)):
+    for line in (about_notes(diagnosis), *log_lines(diagnosis), flat_line(diagnosis)):
         if line:
             _print(console, line)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -23,6 +23,8 @@ NO_POSTERIOR = (
     "the model itself with ranges of your own, or name the gap first, such as with another motion"
 )
 """Why an unexplained gap has no samples."""
+STOP = "gain_of_stop"
+"""Name of the criterion that no end stop explains more than the causes do."""
 
 
 class Verdict(Enum):
@@ -90,6 +92,24 @@ class Criterion:
     objection: str
 
 
+def names_stop(criteria: Sequence[Criterion]) -> bool:
+    """Return whether an end stop of a joint explains what the causes do not."""
+    return any(one.name == STOP and not one.met for one in criteria)
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something that may be right in the place of a named cause.
+
+    Attributes:
+        reason: what it is.
+        probability: that it is right.
+    """
+
+    reason: str
+    probability: float
+
+
 @dataclass(frozen=True)
 class FittedCandidate:
     """A candidate that was fitted.
@@ -100,7 +120,7 @@ class FittedCandidate:
         score: gain in log likelihood of the selection split by a fit to the fit split [nats].
         confidence: probability that it is a right cause. The sum over a step may be below 1; the
             rest is that of no cause at all, and of causes that are not in the catalogue (see
-            `Diagnosis.unmodelled`).
+            `NamedCause.doubts`).
         step: index of the cause in whose place it was tried.
         chosen: whether it is that cause.
         evidence: log marginal likelihood relative to the hypothesis without it [nats].
@@ -129,6 +149,8 @@ class NamedCause:
             cross-validation [nats]; None for a group of causes.
         share: what it removes from the error of the report split, beside the causes before it.
         logs: its values in each log; None if there is one log.
+        doubts: what lowers the confidence, the likeliest first; their probabilities and the
+            confidence add up to 1.
     """
 
     candidate: Candidate
@@ -139,6 +161,7 @@ class NamedCause:
     gain: Gain | None = None
     share: Share | None = None
     logs: LogComparison | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def title(self) -> str:
@@ -267,9 +290,11 @@ class Diagnosis:
             surely above the floor, or if causes are named whose gain in the RMS is not surely above
             zero.
         unexplained_fraction: share of the power above the floor that the best causes leave, whether
-            they are named or not, 0 to 1.
+            they are named or not, 0 to 1; if the verdict is "nothing_wrong", what deviations within
+            the tolerances leave of it, or 0 if ``rms_before`` is not surely above the floor.
         explainable_fraction: share of the power above the floor that the best causes and a learned
-            residual together explain on the report split; an upper bound.
+            residual together explain on the report split, or tolerances if the verdict is
+            "nothing_wrong"; an upper bound.
         depends_on: quantities that explain most of the remainder, strongest first.
         next_experiment: an experiment that is likely to halve the remaining doubt; None if there is
             none.
@@ -284,11 +309,15 @@ class Diagnosis:
             split; the last ``after`` is what remains.
         rejected: causes of the best attempt that are not named.
         flat: what this study cannot show, by cause and location.
-        unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
+        unmodelled: probability that unknown causes have the effect of all causes; None if no cause
+            was found. Each cause may be in more doubt; see `NamedCause.doubts`.
         likelihood_gain: gain in log likelihood of held-out readings by the named causes together,
             given the tolerances, by cross-validation [nats]; None if no single causes are named.
         posterior: what the data leave open, of which `sample` returns models; None if the
             verdict is "unexplained".
+        notes: what is suspicious in the study, such as a sensor with the opposite sign; see
+            `reality_gap.check_study`. None if it was not checked; `reality_gap.write_diagnosis`
+            then checks it.
     """
 
     study: str
@@ -317,6 +346,7 @@ class Diagnosis:
     rejected: tuple[Rejected, ...] = ()
     flat: tuple[FlatDirection, ...] = ()
     posterior: Posterior | None = None
+    notes: tuple[str, ...] | None = None
 
     def sample(self, n: int, seed: int = 0) -> list[Extended]:
         """Sample models of what the machine may be, such as for the training of a policy.

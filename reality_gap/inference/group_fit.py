@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Estimate, FittedCandidate, NamedCause
+from reality_gap.diagnosis import Doubt, Estimate, FittedCandidate, NamedCause
 from reality_gap.inference.groups import Group, find_groups, noise_at_rest, positions_at
 from reality_gap.inference.held_out import score
 from reality_gap.inference.paying import at_bound
@@ -37,6 +37,8 @@ AGAIN = 3
 """Largest number of steps of the fit without a group, from the fit with it."""
 WIDE = 1.96
 """Half of a 95 % interval, in standard deviations."""
+WITHOUT = "none of these errors, because the other groups explain the readings as well"
+"""What lowers the confidence of a group."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,9 @@ def _name(group: Group, found: StaticFit, evidence: float) -> NamedCause:
                 parameters[group.label(candidate, p.name)] = Estimate(
                     values[p.name], max(low, p.low), min(high, p.high), p.unit
                 )
-    return NamedCause(group.merged(), parameters, _confidence(evidence), ())
+    confidence = _confidence(evidence)
+    doubts = (Doubt(WITHOUT, 1.0 - confidence),)
+    return NamedCause(group.merged(), parameters, confidence, (), doubts=doubts)
 
 
 def _fitted_candidates(

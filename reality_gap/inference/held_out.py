@@ -87,10 +87,20 @@ def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Sc
         shares = (samples[:, 0] - samples[:, 1]) / excess
         ends = np.quantile(shares, [0.025, 0.975])
         gain = Gain(float((first - last) / (first - low)), float(ends[0]), float(ends[1]))
-    power = first**2 - low**2
-    unexplained = float(np.clip((last**2 - low**2) / power, 0.0, 1.0)) if power > 0 else 0.0
+    unexplained = share_left(first, last, low)
     improvement = _with_interval(first - last, samples[:, 0] - samples[:, 1])
     return Score(first, last, low, gain, unexplained, improvement)
+
+
+def share_left(before: float, after: float, floor: float) -> float:
+    """Return the share of the power above the floor that is left, 0 to 1.
+
+    Args:
+        before, after: RMS before and after [noise].
+        floor: RMS of the noise alone [noise].
+    """
+    power = before**2 - floor**2
+    return float(np.clip((after**2 - floor**2) / power, 0.0, 1.0)) if power > 0.0 else 0.0
 
 
 def selection_score(problem: Problem, fitted: Fit) -> float:

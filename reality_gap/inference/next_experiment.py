@@ -34,6 +34,8 @@ MOST = 3
 """Largest number of candidates that are compared."""
 HELD = 0.5
 """Share of the linearly predicted evidence that a real motion reaches, about."""
+LITTLE = 0.01
+"""Probability of the other hypotheses together below which there is no doubt to halve."""
 CONFUSING = 20
 """Number of tolerances that are adapted: those that resemble the gap between hypotheses most."""
 
@@ -55,19 +57,21 @@ def next_experiment(
         unmodelled: probability that the cause is not in the catalogue, on which no motion decides.
 
     Returns:
-        The experiment; None if there are no causes, if nothing can be commanded, or if no motion
-            is likely to halve the doubt.
+        The experiment; None if there are no causes, if nothing can be commanded, if there is hardly
+            any doubt, or if no motion is likely to halve it.
     """
     study = problem.system.study
     if not fitted or study.inverse or not problem.system.model.nu:
         return None
     compared = _compare(problem, fitted, sensitivities, unmodelled)
+    # A candidate that is not compared is farther away than the nearest of those that are.
+    probability = np.append(compared.probability, compared.others)
+    if not is_in_doubt(probability):
+        return None
     tried = feasible_motions(problem.system)
     motion = max(tried, key=lambda m: compared.mean(compared.with_motion(m, TRIED)))
     before, after = distances(compared.known), compared.with_motion(motion, SECONDS)
     gained = (after**2 - before**2) / 2
-    # A candidate that is not compared is farther away than the nearest of those that are.
-    probability = np.append(compared.probability, compared.others)
     if not halves_doubt(probability, np.append(gained, gained.min())):
         return None
     return Experiment(
@@ -86,8 +90,19 @@ def feasible_motions(system: System) -> tuple[Motion, ...]:
     return found if system.tendons else found[:: len(TIGHTER)]
 
 
+def is_in_doubt(probability: Floats) -> bool:
+    """Return whether the first of some hypotheses is in doubt because of the others.
+
+    Args:
+        probability: see `halves_doubt`.
+    """
+    return bool(probability[1:].sum() > LITTLE)
+
+
 def halves_doubt(probability: Floats, evidence: Floats) -> bool:
     """Return whether an experiment is likely to halve the entropy of the confidences.
+
+    Where there is hardly any doubt, there is nothing to halve.
 
     Args:
         probability: confidence of each hypothesis, the one to be confirmed first, shape (k,). The
@@ -95,6 +110,8 @@ def halves_doubt(probability: Floats, evidence: Floats) -> bool:
         evidence: predicted evidence of the experiment against each of the others, shape (k - 1,)
             [nats].
     """
+    if not is_in_doubt(probability):
+        return False
     rest = max(0.0, 1.0 - float(probability.sum()))
     predicted = np.concatenate([[0.0], HELD * evidence])
     after = np.append(probability * np.exp(-predicted / TEMPER), rest)

@@ -9,6 +9,7 @@ import numpy as np
 
 from reality_gap.diagnosis import (
     Criterion,
+    Doubt,
     Experiment,
     FittedCandidate,
     NamedCause,
@@ -16,16 +17,12 @@ from reality_gap.diagnosis import (
     Share,
     Verdict,
 )
-from reality_gap.inference.confidence import (
-    doubt_beside_unknown,
-    doubt_of_form,
-    doubt_of_partial,
-    unmodelled,
-)
+from reality_gap.inference.confidence import doubt_of_partial, unmodelled
+from reality_gap.inference.doubts import UNKNOWN, all_doubts, doubts_of_partial, lowered
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.held_out import Score, score, selection_score
+from reality_gap.inference.held_out import Score, score, selection_score, share_left
 from reality_gap.inference.intervals import intervals
 from reality_gap.inference.log_values import compare_logs
 from reality_gap.inference.next_experiment import next_experiment
@@ -33,7 +30,7 @@ from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
 from reality_gap.inference.posteriors import search_branches
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.remainder import Remainder, channel_powers
+from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.support import Supported
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
@@ -64,15 +61,16 @@ def search_outcome(
     after = replayer.without_expansion(best.hypothesis, best.residual)
     tried = score(study, measured, null, after)
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
-    doubts = [doubt or 0.0] * len(found)
+    doubts: list[tuple[Doubt, ...]] = [(Doubt(UNKNOWN, doubt or 0.0),)] * len(found)
     if verdict is Verdict.PARTLY_NAMED:
-        doubts = _doubts_of_partial(paying, doubt or 0.0, judged)
-    fitted = tuple(
-        replace(one, confidence=(1.0 - d) * one.confidence)
-        for one, d in zip(found, doubts, strict=True)
-    )
+        doubts = doubts_of_partial(paying, doubt or 0.0, judged)
+    fitted = tuple(lowered(one, own) for one, own in zip(found, doubts, strict=True))
     scored = tried if named else score(study, measured, null, null)
-    causes = _named_causes(paying, fitted) if named else ()
+    unexplained, explainable = tried.unexplained, _explainable(problem, best.residual, remainder)
+    if verdict is Verdict.NOTHING_WRONG:
+        unexplained = _left_by_tolerances(scored, remainder)
+        explainable = max(explainable, 1.0 - unexplained)
+    causes = _named_causes(paying, fitted, doubts) if named else ()
     steps = _waterfall(paying, causes, scored) if named else ()
     return Outcome(
         verdict=verdict,
@@ -82,8 +80,8 @@ def search_outcome(
         causes=tuple(replace(c, share=s) for c, s in zip(causes, steps[1:], strict=True)),
         fitted_candidates=_fitted_candidates(problem, fitted),
         gain=scored.gain if tried.improvement.low > 0.0 or not named else None,
-        unexplained_fraction=tried.unexplained,
-        explainable_fraction=_explainable_fraction(problem, best.residual, remainder),
+        unexplained_fraction=unexplained,
+        explainable_fraction=explainable,
         depends_on=remainder.depends_on,
         not_judged=not_judged,
         measures=_measures(paying, remainder),
@@ -135,27 +133,19 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
     return unmodelled(named, instead)
 
 
-def _doubts_of_partial(paying: Paying, doubt: float, judged: Sequence[Criterion]) -> list[float]:
-    """Return the probability of each cause that it is wrong because of what all of them leave."""
-    noises = next(one for one in judged if one.name == "report_noises")
-    right = 1.0 - doubt_of_form(noises.value, noises.threshold)
-    residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
-    left, *without = channel_powers(paying.result.problem, *residuals)
-    beside = [max(doubt, doubt_beside_unknown(more - left, left)) for more in without]
-    return [1.0 - right * (1.0 - one) for one in beside]
-
-
 def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:
     return next_experiment(result.problem, fitted, result.sensitivities, doubt)
 
 
-def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[NamedCause, ...]:
+def _named_causes(
+    paying: Paying, fitted: Sequence[Alternatives], doubts: Sequence[Sequence[Doubt]]
+) -> tuple[NamedCause, ...]:
     """Return the causes with intervals, the one that explains most first."""
     problem, best = paying.result.problem, paying.result.best
     estimates, logs = intervals(problem, best), compare_logs(problem, best)
     named = list[tuple[float, NamedCause]]()
-    parts = zip(fitted, estimates, paying.tested.each, logs, strict=True)
-    for one, parameters, gains, compared in parts:
+    parts = zip(fitted, estimates, paying.tested.each, logs, doubts, strict=True)
+    for one, parameters, gains, compared, own in parts:
         name = one.candidate.cause.id
         ids = dict.fromkeys(s.cause.id for s in one.equivalent if s.cause.id != name)
         others = dict.fromkeys(s.location for s in one.equivalent if s.cause.id == name)
@@ -167,6 +157,7 @@ def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[Named
             elsewhere=tuple(others),
             gain=gains.folds,
             logs=compared,
+            doubts=all_doubts(one, own),
         )
         named.append((one.own, cause))
     return tuple(cause for _, cause in sorted(named, key=lambda item: -item[0]))
@@ -227,7 +218,14 @@ def _refused(result: Search) -> float:
     return last.gain
 
 
-def _explainable_fraction(problem: Problem, residual: Floats, remainder: Remainder) -> float:
+def _left_by_tolerances(scored: Score, remainder: Remainder) -> float:
+    """Return the share of the power above the noise that deviations within tolerances leave."""
+    if scored.gain is None:  # the error may be noise alone
+        return 0.0
+    return share_left(scored.before, remainder.before, scored.floor)
+
+
+def _explainable(problem: Problem, residual: Floats, remainder: Remainder) -> float:
     """Return the share of the power above the noise that causes and learned residual explain."""
     report = split(problem.measured) == REPORT
     left = residual - remainder.learned.prediction

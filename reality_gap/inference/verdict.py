@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reality_gap.diagnosis import Criterion, Verdict
+from reality_gap.diagnosis import STOP, Criterion, Verdict
 from reality_gap.inference.end_stops import MORE
 from reality_gap.inference.forward_selection import Search, Settings, revise
 from reality_gap.inference.paying import UNLIKELY, Paying, keep_paying
@@ -231,7 +231,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
 def _stop(paying: Paying) -> list[Criterion]:
     """Return the criterion that no stop explains more than a cause, if one does."""
     stop = paying.result.stop
-    return [] if stop is None else [_at_most("gain_of_stop", stop.gain, MORE, stop.objection)]
+    return [] if stop is None else [_at_most(STOP, stop.gain, MORE, stop.objection)]
 
 
 def _at_most(name: str, value: float, threshold: float, objection: str) -> Criterion:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from mjcf_sandbox.errors import OutputError
 from mjcf_sandbox.files import check_links
+from reality_gap.check import check_study
 from reality_gap.diagnosis import Diagnosis, Experiment
 from reality_gap.errors import StudyError
 from reality_gap.posterior import Posterior
@@ -69,8 +71,10 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
     `load_posterior`. An earlier diagnosis in ``out`` is replaced when the new one is complete.
     Without a next experiment there is no next_experiment.csv.
 
+    verdict.json and report.html have notes on what is suspicious in the study.
+
     Args:
-        diagnosis: the results.
+        diagnosis: the results; the study is checked if these have no notes.
         study: the study that was diagnosed.
         out: folder to write; see `check_out`.
 
@@ -81,6 +85,8 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
     check_out(out)
     out = out.resolve()
     out.parent.mkdir(parents=True, exist_ok=True)
+    if diagnosis.notes is None:
+        diagnosis = replace(diagnosis, notes=check_study(study))
     with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
         new = Path(temporary) / "new"
         new.mkdir()

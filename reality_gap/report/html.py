@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from matplotlib.figure import Figure
 
-from reality_gap.diagnosis import Diagnosis, NamedCause, Rejected, Verdict
+from reality_gap.diagnosis import Diagnosis, NamedCause, Rejected, Verdict, names_stop
 from reality_gap.report import words
 from reality_gap.report.formatting import (
     ROUNDING,
@@ -82,10 +82,13 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         diagnosis=diagnosis,
         verdict=diagnosis.verdict.value,
         kind=words.kind(diagnosis.verdict),
+        notes=diagnosis.notes or (),
+        about_notes=words.about_notes(diagnosis),
         figures=words.figures(diagnosis),
         why=words.why(diagnosis),
         rows=[row for cause in diagnosis.causes for row in parameter_rows(cause)],
         sections=_sections(diagnosis),
+        stopped=names_stop(diagnosis.criteria),
         attempt=attempt_rows(diagnosis.rejected),
         pictures=_pictures(diagnosis, study, found),
         rows_left=max(0, len(found) - MOST_ROWS),

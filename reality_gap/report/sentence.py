@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reality_gap.diagnosis import NamedCause, Verdict
+from reality_gap.diagnosis import NamedCause, Verdict, names_stop
 from reality_gap.inference.outcome import Outcome
 from reality_gap.report.formatting import capital, human, probability, rounded
 
@@ -100,6 +100,8 @@ def _rest(outcome: Outcome) -> str:
     if not outcome.depends_on:
         return "The rest depends on none of the simulated quantities."
     first = outcome.depends_on[0]
+    if names_stop(outcome.criteria):  # what else it depends on is a consequence
+        return f"The rest shows most in {first.channel}."
     return f"The rest depends most on the {first.quantity} and shows most in {first.channel}."
 
 
@@ -107,4 +109,6 @@ def _dependence(outcome: Outcome) -> str:
     if not outcome.depends_on:
         return "It depends on none of the simulated quantities."
     first = outcome.depends_on[0]
+    if names_stop(outcome.criteria):
+        return f"It shows most in {first.channel}."
     return f"It shows most in {first.channel} and depends on the {first.quantity}."

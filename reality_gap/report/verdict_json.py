@@ -4,6 +4,8 @@ Keys of the file, which are part of the interface:
 
     verdict               "nothing_wrong", "named", "partly_named" or "unexplained"
     sentence              the verdict in words
+    notes                 what is suspicious in the study, as sentences: the command check prints
+                          the same; often the reason of an "unexplained" gap
     causes                named causes, the one that explains most first; empty unless "named" or
                           "partly_named":
         cause             id in the catalogue
@@ -14,6 +16,8 @@ Keys of the file, which are part of the interface:
                           logs; absent if it acts in all
         parameters        by name: value, low, high (95 % interval), unit
         confidence        probability that the cause is right
+        doubts            what lowers the confidence, the likeliest first: reason, probability;
+                          these and the confidence add up to 1
         equivalent        ids of causes that these data cannot distinguish from it
         elsewhere         list of other locations (kind, elements, note) where the same cause would
                           have the same effect
@@ -33,15 +37,18 @@ Keys of the file, which are part of the interface:
     criteria              comparisons on which the verdict was decided: name, value, threshold, met,
                           objection
     measures              numbers of the search and of what its causes leave, by name
-    unmodelled            probability that none of the known causes is right; null if none was found
+    unmodelled            probability that unknown causes have the effect of all causes; null if
+                          none was found; "doubts" hold what lowers the confidence of each cause
     rms_before            RMS of the residual of the model on held-out data, in noise deviations
     rms_after             the same for the extended model
     noise_floor           RMS that the noise alone would leave
     gain                  (before - after) / (before - floor): value, low, high; null if uncertain
     likelihood_gain       increase of the log likelihood of readings to which the causes were not
                           fitted [nats]: value, low, high; or null
-    unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1
-    explainable_fraction  share that a learned residual would explain, 0 to 1
+    unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1; if
+                          "nothing_wrong", what deviations within the tolerances leave
+    explainable_fraction  share that the causes and a learned residual would explain, 0 to 1; if
+                          "nothing_wrong", at least what these deviations do
     depends_on            what the remaining error depends on: quantity, channel, fraction
     next_experiment       title, sentence, commands (name of a file), separation, separation_before
                           [noise deviations]; or null
@@ -92,6 +99,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
     content = {
         "verdict": diagnosis.verdict.value,
         "sentence": diagnosis.sentence,
+        "notes": list(diagnosis.notes or ()),
         "causes": [_cause(cause) for cause in diagnosis.causes],
         "waterfall": [_share(step) for step in diagnosis.waterfall],
         "rejected": [_rejected(one) for one in diagnosis.rejected],
@@ -138,6 +146,7 @@ def _cause(cause: NamedCause) -> Json:
         **location_json(cause.candidate.location),
         "parameters": {name: _estimate(value) for name, value in cause.parameters.items()},
         "confidence": cause.confidence,
+        "doubts": [{"reason": d.reason, "probability": d.probability} for d in cause.doubts],
         "equivalent": list(cause.equivalent),
         "elsewhere": [location_json(location) for location in cause.elsewhere],
         "held_out_gain": _gain(cause.gain),

@@ -8,6 +8,8 @@ from reality_gap.report.plots.candidates import as_likely, by_step
 
 DOUBT = 0.05
 """Smallest probability of an unknown cause that the report mentions."""
+LEAST = 0.01
+"""Smallest probability of what lowers a confidence that the report mentions."""
 KINDS = {
     Verdict.NOTHING_WRONG: "Nothing wrong was found",
     Verdict.NAMED: "Cause named",
@@ -49,6 +51,18 @@ def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
             )
         )
     return found
+
+
+def about_notes(diagnosis: Diagnosis) -> str:
+    """Return a sentence that refers to the notes of an unexplained gap; empty without notes."""
+    count = len(diagnosis.notes or ())
+    if diagnosis.verdict is not Verdict.UNEXPLAINED or not count:
+        return ""
+    what = "the note on the study above" if count == 1 else f"the {count} notes on the study above"
+    return (
+        f"Consider {what} first: an error of the study, such as a wrong sign, unit or column, is "
+        "none of the causes."
+    )
 
 
 def why(diagnosis: Diagnosis) -> list[str]:
@@ -98,7 +112,7 @@ def why_named(diagnosis: Diagnosis, cause: NamedCause) -> list[str]:
     if cause.elsewhere:
         elsewhere = joined([str(location) for location in cause.elsewhere], "or")
         found.append(f"It would have the same effect at {elsewhere}.")
-    return found
+    return [*found, *_doubts(cause)]
 
 
 def step_of(diagnosis: Diagnosis, cause: NamedCause) -> list[FittedCandidate]:
@@ -135,6 +149,19 @@ def _unmodelled(diagnosis: Diagnosis) -> list[str]:
         "A learned residual, which stands for unknown causes, explains about as much as the named "
         f"causes: with a probability of {probability(chance)} none of the known causes is right."
     ]
+
+
+def _doubts(cause: NamedCause) -> list[str]:
+    """Return a sentence on what lowers the confidence of a cause, if it is worth mentioning."""
+    reasons = [
+        f"{one.reason} ({probability(one.probability)})"
+        for one in cause.doubts
+        if one.probability >= LEAST
+    ]
+    if not reasons:
+        return []
+    confidence = probability(cause.confidence)
+    return [f"Its confidence is {confidence}; the rest is that of {joined(reasons, 'or')}."]
 
 
 def _name(fitted: FittedCandidate) -> str:

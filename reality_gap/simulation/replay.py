@@ -93,17 +93,14 @@ def replay(
     """
     # Fusing removes bodies that a hook may refer to by name.
     model = compile_with_probes(plant.spec, fuse=not plant.effects.hooks)
-    stages = np.array(
-        [int(model.sensor_needstage[model.sensor(c.sensor).id]) for c in study.channels]
-    )
-    forces = stages >= int(mujoco.mjtStage.mjSTAGE_ACC)
+    forces = np.array([is_force(model, c.sensor) for c in study.channels])
     starts = np.concatenate([[0.0], np.cumsum([e.duration for e in study.episodes])])
     prediction = np.full(len(measured.value), np.nan)
     records = []
     for e, (episode, start) in enumerate(zip(study.episodes, starts[:-1], strict=True)):
         if only is not None and e not in only:
             continue
-        rows = _rows(model, episode)
+        rows = command_rows(model, episode)
         record = _simulate(plant, model, study, episode, float(start), rows, cache)
         plain = record.sensors.copy() if plant.effects.readings else record.sensors
         for effect in plant.effects.readings:
@@ -111,19 +108,48 @@ def replay(
         at = measured.episode == e
         prediction[at] = 0.0
         columns = np.array([record.column(c.sensor, c.component) for c in study.channels])
-        channel, time = measured.channel[at], measured.time[at] / _step(record)
+        channel, time = measured.channel[at], measured.time[at]
         parts: list[tuple[Floats, Bools | bool]] = [(plain, forces[channel])]
         if plant.effects.readings:
             jump = True if plant.effects.of_forces else forces[channel]
             parts.append((record.sensors - plain, jump))
         for values, forced in parts:
-            steps = _steps(episode, rows, time, measured.time[at], forced)
-            prediction[at] += _interpolate(values, steps, time, columns[channel])
+            one = replace(record, sensors=values)
+            prediction[at] += read_sensors(one, episode, rows, time, columns[channel], forced)
         records.append(record)
     return Replay(measured.align(prediction), tuple(records))
 
 
-def _rows(model: mujoco.MjModel, episode: Episode) -> Ints:
+def is_force(model: mujoco.MjModel, sensor: str) -> bool:
+    """Return whether readings of a sensor are forces or accelerations, which commands change."""
+    stage = int(model.sensor_needstage[model.sensor(sensor).id])
+    return stage >= int(mujoco.mjtStage.mjSTAGE_ACC)
+
+
+def read_sensors(
+    record: Record,
+    episode: Episode,
+    rows: Ints,
+    time: Floats,
+    column: Ints | int,
+    forces: Bools | bool,
+) -> Floats:
+    """Return what sensors read in a replay; see `replay` for forces at the time of a command.
+
+    Args:
+        record: the replay of an episode.
+        episode: when commands were given.
+        rows: see `command_rows`.
+        time: of the readings, shape (m,) [s].
+        column: in the record's sensors, shape (m,) or ().
+        forces: whether readings are forces, shape (m,) or ().
+    """
+    now = time / _step(record)
+    steps = _steps(episode, rows, now, time, forces)
+    return _interpolate(record.sensors, steps, now, column)
+
+
+def command_rows(model: mujoco.MjModel, episode: Episode) -> Ints:
     """Return the latest row of the commands that acts within each physics step, shape (k,)."""
     step = model.opt.timestep
     time = step * np.arange(int(np.ceil(episode.duration / step)) + 2)
@@ -180,28 +206,33 @@ def _steps(
 
     Args:
         episode: when commands were given.
-        rows: see `_rows`.
+        rows: see `command_rows`.
         now: time of the readings in physics steps, shape (m,).
         time: the same, shape (m,) [s].
         forces: whether readings are forces, which depend on the command, shape (m,) or ().
     """
     floor = np.floor(now + 1e-9).astype(int)
+    between = np.clip(floor + 1, 1, len(rows) - 1)
+    if not np.any(forces):
+        return between - 1, between
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)
     last = np.searchsorted(rows, allowed, side="right") - 1
     first = np.searchsorted(rows, allowed, side="left")
     before = np.minimum(np.maximum(np.minimum(floor, last), first), len(rows) - 1)
-    later = np.where(forces, before, np.clip(floor + 1, 1, len(rows) - 1))
+    later = np.where(forces, before, between)
     return np.where(forces & (before <= first), later, later - 1), later
 
 
-def _interpolate(values: Floats, steps: tuple[Ints, Ints], now: Floats, column: Ints) -> Floats:
+def _interpolate(
+    values: Floats, steps: tuple[Ints, Ints], now: Floats, column: Ints | int
+) -> Floats:
     """Return values between two steps, or the same at a single one, shape (m,).
 
     Args:
         values: of all sensors at each step, shape (k, nsensordata).
         steps: see `_steps`.
         now: time of the readings in physics steps, shape (m,).
-        column: of each reading, shape (m,).
+        column: of each reading, shape (m,) or ().
     """
     earlier, later = steps
     slope = values[later, column] - values[earlier, column]

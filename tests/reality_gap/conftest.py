@@ -17,6 +17,7 @@ from reality_gap.diagnosis import (
     Criterion,
     Dependence,
     Diagnosis,
+    Doubt,
     Estimate,
     Experiment,
     FittedCandidate,
@@ -214,12 +215,7 @@ def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
         study=study.name,
         verdict=verdict,
         sentence=f"The verdict is {verdict.value}.",
-        causes=(
-            NamedCause(friction, estimates[0], 0.93, (), (), Gain(50.0, 30.0, 70.0), STEPS[1]),
-            NamedCause(
-                offset, estimates[1], 0.88, ("length_scale",), (), Gain(9.0, 1.0, 17.0), STEPS[2]
-            ),
-        )[: 2 * named],
+        causes=_causes((friction, offset), estimates)[: 2 * named],
         fitted_candidates=_fitted_candidates((friction, offset), values, named),
         rms_before=12.0,
         rms_after=1.5 if named else 12.0,
@@ -239,6 +235,23 @@ def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
         rejected=()
         if verdict in (Verdict.NAMED, Verdict.NOTHING_WRONG)
         else (Rejected(offset, {"offset": -1.154e-18}, reason, Gain(3.0, -1.0, 7.0)),),
+    )
+
+
+def _causes(
+    candidates: tuple[Candidate, Candidate],
+    estimates: tuple[dict[str, Estimate], dict[str, Estimate]],
+) -> tuple[NamedCause, ...]:
+    friction, offset = candidates
+    return (
+        NamedCause(
+            *(friction, estimates[0], 0.93, (), (), Gain(50.0, 30.0, 70.0), STEPS[1]),
+            doubts=(Doubt("another known cause in its place", 0.07),),
+        ),
+        NamedCause(
+            *(offset, estimates[1], 0.88, ("length_scale",), (), Gain(9.0, 1.0, 17.0), STEPS[2]),
+            doubts=(Doubt("an unknown cause", 0.118), Doubt("chance", 0.002)),
+        ),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         if called.get("interrupt"):
             raise KeyboardInterrupt
         called.update(study=study, jobs=jobs, causes=causes, options=options)
-        return diagnosis_of(study)
+        return replace(diagnosis_of(study), verdict=called.get("verdict", Verdict.NAMED))
 
     def write(diagnosis: Diagnosis, study: Study, out: Path) -> None:
         called.update(written=diagnosis, out=out)
@@ -112,6 +112,26 @@ def test_diagnose_prints_warnings(
     del study_folder.content["sensors"]["tension_flexor"]["scale"]
     assert main(["diagnose", str(study_folder.write()), "--out", str(tmp_path / "d")]) == 0
     assert "note: tension_flexor is" in capsys.readouterr().out
+    assert any("tension_flexor is" in note for note in found["written"].notes)
+
+
+@pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.NOTHING_WRONG])
+@pytest.mark.parametrize("wrong", [False, True])
+def test_an_unexplained_gap_refers_to_the_notes(
+    verdict: Verdict,
+    wrong: bool,
+    study_folder: Any,
+    found: dict[str, Any],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    found["verdict"] = verdict
+    if wrong:
+        del study_folder.content["sensors"]["tension_flexor"]["scale"]
+    assert main(["diagnose", str(study_folder.write()), "--out", str(tmp_path / "d")]) == 0
+    assert bool(found["written"].notes) is wrong
+    refers = "on the study above first" in capsys.readouterr().out
+    assert refers is (wrong and verdict is Verdict.UNEXPLAINED)
 
 
 def test_diagnose_refuses_a_wrong_study_before_its_work(

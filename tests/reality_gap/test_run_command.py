@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reality_gap.__main__ import main
+from reality_gap.check import check_study
 from reality_gap.errors import StudyError
 from reality_gap.io.loader import load_study
 from reality_gap.run_command import Run, study_of
@@ -30,6 +32,8 @@ def test_run_writes_study_and_result(
     assert main(["run", str(model), str(log), "--out", str(out), "--jobs", "1"]) == 0
     assert "opposite sign" in capsys.readouterr().out
     assert (out / "result" / "report.html").is_file()
+    verdict = json.loads((out / "result" / "verdict.json").read_text())
+    assert verdict["notes"] == list(check_study(load_study(out / "study" / "STUDY.yaml")))
     assert (out / "study" / "STUDY.yaml").is_file()
     assert main(["run", str(model), str(log), "--out", str(out), "--jobs", "1"]) == 0
     assert "exists and is used" in capsys.readouterr().out

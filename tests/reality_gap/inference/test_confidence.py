@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reality_gap.inference.confidence import MIMICRY, NEARLY, doubt_beside_unknown, doubt_of_form
+from reality_gap.inference.doubts import BESIDE, FORM, NONE, UNKNOWN
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.support import keep_supported
 from reality_gap.inference.verdict import Options, revise_and_evaluate
@@ -52,6 +53,38 @@ def test_a_cause_that_takes_nearly_all_is_in_doubt_where_much_is_left(tmp_path: 
     [cause] = search_outcome(supported, (), options).causes
 
     assert 0.65 < cause.confidence < 0.72
+
+
+@pytest.mark.parametrize(
+    ("known", "unknown", "reasons"),
+    [
+        (3.0, 0.0, set()),
+        (0.3, 0.0, {UNKNOWN}),
+        (3.0, 3.0, {FORM, BESIDE, UNKNOWN}),
+        (3.0, 10.0, {FORM, BESIDE, UNKNOWN}),
+    ],
+)
+def test_the_confidence_of_a_cause_and_what_lowers_it_add_up_to_1(
+    tmp_path: Path, known: float, unknown: float, reasons: set[str]
+) -> None:
+    """The likeliest doubt is for what remains where something does."""
+    error = known * SHAPES[:, 0] + unknown * SHAPES[:, 4]
+    result = Case(tmp_path, error, crowd(1)).search()
+    options = Options(suggest=False)
+    supported = keep_supported(*revise_and_evaluate(result, options), options)
+
+    outcome = search_outcome(supported, (), options)
+
+    [cause] = outcome.causes
+    chances = [one.probability for one in cause.doubts]
+    assert cause.confidence + sum(chances) == pytest.approx(1.0, abs=1e-12)
+    assert chances == sorted(chances, reverse=True)
+    assert {one.reason for one in cause.doubts[:1]} <= reasons
+    assert bool(cause.doubts) is bool(reasons)
+    together = sum(one.confidence for one in outcome.fitted_candidates)
+    shared = [one.probability for one in cause.doubts if one.reason in (FORM, BESIDE, UNKNOWN)]
+    none = [one.probability for one in cause.doubts if one.reason == NONE]
+    assert together + sum(shared) + sum(none) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(("unknown", "most"), [(0.0, 1.0), (3.0, 0.8), (10.0, 0.6)])

@@ -112,6 +112,7 @@ def test_a_joint_that_runs_into_something_gets_no_name_but_is_located(
     assert found.causes == ()
     assert "an end stop of elbow at " in found.sentence
     assert f"at the {name} end of its motion" in found.sentence
+    assert " depends on the " not in found.sentence
     [gain] = [one for one in found.criteria if one.name == "gain_of_stop"]
     assert not gain.met
     position = float(gain.objection.split(" rad,")[0].split("elbow at ")[-1])

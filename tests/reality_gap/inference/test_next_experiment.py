@@ -37,7 +37,12 @@ TOLERANCE = 0.2
         ([0.6, 0.4], [0.5], False),
         ([0.6, 0.2, 0.2], [32.0, 32.0], True),
         ([0.6, 0.2, 0.2], [32.0, 0.5], False),  # one hypothesis stays as near as it is
-        ([1.0, 0.0], [0.0], True),  # no doubt is left to halve
+        ([1.0, 0.0], [0.0], False),  # no doubt is left to halve
+        ([1.0], [], False),
+        ([1.0 - 1e-60, 1e-60], [10.0], False),
+        ([0.999, 0.0005, 0.0005], [32.0, 32.0], False),
+        ([0.9, 0.005], [32.0], False),  # nearly all doubt is about what it does not decide
+        ([0.95, 0.05], [32.0], True),
         ([0.8, 0.2], [32.0], True),
         ([0.8, 0.0], [32.0], False),  # the doubt is about what it does not decide
     ],
@@ -89,6 +94,20 @@ def test_the_absence_of_a_cause_is_an_alternative_to_it(lever_study: Study) -> N
 def test_whether_there_is_a_name_is_not_worth_an_experiment(lever_study: Study) -> None:
     values = {"friction": 3.0, "presliding": 1e-5, "creep": 0.0}
     assert advised(lever_study, "coulomb_friction", values, unmodelled=0.4) is None
+
+
+def test_a_cause_without_doubt_needs_no_experiment(
+    lever_study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No motion is replayed to find that out."""
+    monkeypatch.setattr("reality_gap.inference.next_experiment.feasible_motions", None)
+    values = {"friction": 3.0, "presliding": 1e-5, "creep": 0.0}
+    with Replayer(lever_study) as replayer:
+        problem = problem_of(replayer)
+        one = one_cause(problem, "coulomb_friction", values)
+        certain = replace(one, confidence=np.array([1.0]))
+
+        assert next_experiment(problem, [certain], [], 4.5e-16) is None
 
 
 def test_candidates_that_are_not_replayed_count(lever_study: Study) -> None:

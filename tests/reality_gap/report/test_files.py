@@ -8,14 +8,17 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
 from reality_gap.causes.base import Location
+from reality_gap.check import check_study
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError
+from reality_gap.io.loader import load_study
 from reality_gap.report import verdict_json as verdict_module
 from reality_gap.report.files import check_out, write_diagnosis
 from reality_gap.report.verdict_json import verdict_json
@@ -99,6 +102,10 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
         "high": 3.5,
         "unit": "N",
     }
+    for cause in (first, second):
+        chances = [one["probability"] for one in cause["doubts"]]
+        assert cause["confidence"] + sum(chances) == pytest.approx(1.0)
+    assert first["doubts"][0]["reason"] == "another known cause in its place"
     assert second["equivalent"] == ["length_scale"]
     assert second["elsewhere"] == [{"kind": "tendon", "elements": ["flexor"], "note": ""}]
     assert found["gain"] == {"value": 0.955, "low": 0.93, "high": 0.97}
@@ -135,6 +142,47 @@ def test_the_extended_model_holds_what_is_named_of_a_part(
     assert "coulomb_friction/flexor" in (tmp_path / "out" / "extended.xml").read_text()
     effects = json.loads((tmp_path / "out" / "extended.json").read_text())["effects"]
     assert [effect["cause"] for effect in effects] == ["length_offset"]
+
+
+NOTE = "effort of joint4 follows the model's replay with the opposite sign"
+
+
+@pytest.mark.parametrize(
+    ("notes", "expected"), [(None, []), ((), []), ((NOTE, "it touches"), [NOTE, "it touches"])]
+)
+def test_the_verdict_has_the_notes_on_the_study(
+    notes: tuple[str, ...] | None, expected: list[str], diagnosed: Make
+) -> None:
+    diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), notes=notes)
+
+    assert verdict_json(diagnosis)["notes"] == expected
+
+
+@pytest.mark.usefixtures("plain_page")
+def test_a_study_that_was_not_checked_is_checked_when_files_are_written(
+    diagnosed: Make, study_folder: Any, tmp_path: Path
+) -> None:
+    diagnosis = diagnosed(Verdict.UNEXPLAINED)
+    del study_folder.content["sensors"]["tension_flexor"]["scale"]
+    study, out = load_study(study_folder.write()), tmp_path / "out"
+
+    write_diagnosis(diagnosis, study, out)
+
+    notes = json.loads((out / "verdict.json").read_text())["notes"]
+    assert notes == list(check_study(study))
+    assert any("tension_flexor" in note for note in notes)
+
+
+@pytest.mark.usefixtures("plain_page")
+def test_a_study_that_was_checked_is_not_checked_again(
+    diagnosed: Make, lever_study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reality_gap.report.files.check_study", None)
+    diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), notes=(NOTE,))
+
+    write_diagnosis(diagnosis, lever_study, tmp_path / "out")
+
+    assert json.loads((tmp_path / "out" / "verdict.json").read_text())["notes"] == [NOTE]
 
 
 def test_without_gain_and_experiment_both_are_null(diagnosed: Make) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Diagnosis, Gain, Share, Verdict
+from reality_gap.diagnosis import STOP, Criterion, Diagnosis, Gain, Share, Verdict
 from reality_gap.report.html import page
 from reality_gap.report.plots.candidates import as_likely, by_step
 from reality_gap.report.plots.canvas import png
@@ -123,6 +123,9 @@ def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
     assert opening < first < second < rest
     assert "On held-out data it removes 73 % of the error above the noise" in found[first:second]
     assert "by 50.0 nats (95 % interval 30.0 to 70.0)" in found[first:second]
+    known = "Its confidence is 93 %; the rest is that of another known cause in its place (7 %)."
+    assert known in found[first:second]
+    assert "88 %; the rest is that of an unknown cause (12 %)." in found[second:rest]
     partly = "More is wrong than that: the extended model leaves errors above the noise" in found
     assert partly is (verdict is Verdict.PARTLY_NAMED)
 
@@ -137,6 +140,40 @@ def test_an_attempt_is_shown_with_its_values_and_is_no_change(
     text = "Length offset extensor offset 0 mm it has a parameter at its bound"
     assert text in found
     assert ("The best attempt" in found) is (verdict is Verdict.UNEXPLAINED)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("met", [False, True])
+def test_a_stop_is_the_likeliest_cause_of_what_is_left(
+    met: bool, diagnosed: Make, lever_study: Study
+) -> None:
+    stop = Criterion(STOP, 50.0, 5.0, met, "explains less than an end stop of jy would")
+
+    found = read(page(replace(diagnosed(Verdict.UNEXPLAINED), criteria=(stop,)), lever_study)).text
+
+    assert (
+        "The remaining error shows most in length_flexor. A joint that runs" in found
+    ) is not met
+    assert ("depends most on velocity sign of elbow" in found) is met
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("verdict", Verdict)
+def test_a_page_begins_with_the_notes_on_the_study(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    notes = ("effort of <b>joint4</b> has the opposite sign", "two links touch")
+    diagnosis = diagnosed(verdict)
+
+    found = read(page(replace(diagnosis, notes=notes), lever_study)).text
+
+    assert found.index("Notes on the study") < found.index(notes[0]) < found.index(notes[1])
+    assert found.index(notes[1]) < found.index(diagnosis.sentence)
+    refers = "Consider the 2 notes on the study above first" in found
+    assert refers is (verdict is Verdict.UNEXPLAINED)
+    for none in ((), None):
+        without = read(page(replace(diagnosis, notes=none), lever_study)).text
+        assert "otes on the study" not in without
 
 
 @pytest.mark.usefixtures("blank_pictures")

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Diagnosis, Estimate, Gain, Verdict
+from reality_gap.diagnosis import STOP, Criterion, Diagnosis, Estimate, Gain, Verdict
 from reality_gap.inference.held_out import Score
 from reality_gap.inference.outcome import Outcome
 from reality_gap.report.sentence import sentence
@@ -64,6 +64,21 @@ def test_the_best_attempt_is_not_named_for_a_reason(diagnosed: Make) -> None:
     found = sentence(replace(outcome, objection="has a parameter at its bound"))
 
     assert "the best attempt, which leaves 5 % of the difference, has a parameter at its" in found
+
+
+@pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.PARTLY_NAMED])
+@pytest.mark.parametrize("met", [False, True])
+def test_what_is_left_beside_a_stop_depends_on_no_other_joint(
+    verdict: Verdict, met: bool, diagnosed: Make
+) -> None:
+    objection = "explains less than an end stop of jy at 0.121 m would"
+    stop = Criterion(STOP, 50.0, 5.0, met, objection)
+    outcome = replace(outcome_of(diagnosed(verdict)), criteria=(stop,), objection=objection)
+
+    found = sentence(outcome)
+
+    assert "shows most in length_flexor" in found
+    assert ("velocity sign of elbow" in found) is met
 
 
 def test_nothing_wrong_does_not_claim_that_the_model_is_right(diagnosed: Make) -> None:
