@@ -418,7 +418,6 @@ def test_causes_that_a_learned_residual_refutes_are_not_revised(
     )
     monkeypatch.setattr("reality_gap.inference.verdict.revise", lambda *arguments: other)
     monkeypatch.setattr("reality_gap.inference.verdict.keep_paying", all_pay)
-    monkeypatch.setattr("reality_gap.inference.verdict._with_hidden_edges", lambda result: result)
 
     paying, remainder = revise_and_evaluate(first, Options())
 
@@ -436,7 +435,6 @@ def test_causes_that_no_revision_changes_are_evaluated_once(
     )
     monkeypatch.setattr("reality_gap.inference.verdict.revise", lambda *arguments: result)
     monkeypatch.setattr("reality_gap.inference.verdict.keep_paying", all_pay)
-    monkeypatch.setattr("reality_gap.inference.verdict._with_hidden_edges", lambda result: result)
 
     found, same = revise_and_evaluate(result, Options())
 
