@@ -132,7 +132,10 @@ def test_a_spring_is_no_stop(tmp_path: Path) -> None:
 
 
 def test_a_stop_that_leaves_most_of_the_error_stops_nothing(tmp_path: Path) -> None:
-    """The links are heavier, which none of these causes explains, nor does a stop."""
+    """The links are heavier, which none of these causes explains, nor does a stop.
+
+    The spring in the elbow is found beside that.
+    """
 
     def edit(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
@@ -143,6 +146,12 @@ def test_a_stop_that_leaves_most_of_the_error_stops_nothing(tmp_path: Path) -> N
 
     found = diagnosis(tmp_path, edit)
 
-    assert found.verdict is Verdict.UNEXPLAINED
+    assert found.verdict is Verdict.PARTLY_NAMED
+    spring = found.causes[0]
+    assert (spring.candidate.cause.id, spring.candidate.location.elements) == (
+        "joint_stiffness",
+        ("elbow",),
+    )
+    assert spring.parameters["stiffness"].value == pytest.approx(2.0, rel=0.1)
     assert "stop" not in found.sentence
     assert not [one for one in found.criteria if one.name == "gain_of_stop"]
