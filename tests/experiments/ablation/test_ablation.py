@@ -143,6 +143,7 @@ def test_claims_are_judged_by_the_numbers() -> None:
     assert text[DEFAULT, "learning by both updaters lowers the error"] == HOLDS
 
 
+@pytest.mark.slow
 def test_updaters_that_are_off_do_not_fire_and_one_robot_serves_all(world: World) -> None:
     runs = {
         name: run(name, SEED, SIZES, world.cache)

@@ -34,6 +34,7 @@ def result(cache: Path) -> dict[str, Any]:
     return run(NOMINAL, 0, SIZES, cache)
 
 
+@pytest.mark.slow
 def test_the_event_raises_the_error_and_learning_lowers_it(result: dict[str, Any]) -> None:
     found = {name: errors(test)["target_true_deg"] for name, test in result["tests"].items()}
     assert found[EVENT] > 1.5 * found[BEFORE]
@@ -41,10 +42,12 @@ def test_the_event_raises_the_error_and_learning_lowers_it(result: dict[str, Any
     assert found[str(SIZES.more)] < 0.5 * found[EVENT]
 
 
+@pytest.mark.slow
 def test_the_elongated_muscles_are_listed(result: dict[str, Any]) -> None:
     assert set(result["identified"]) == set(critical_muscles(ELONGATED, ELONGATION))
 
 
+@pytest.mark.slow
 def test_findings_hold_all_robots(result: dict[str, Any]) -> None:
     results = {seed: {ACTUAL: result, NOMINAL: result} for seed in (0, 1)}
     found = conclude(results, SIZES)

@@ -33,12 +33,14 @@ def result(maps: Path) -> dict:
     return run(ACTUAL, SEED, SIZES, maps)
 
 
+@pytest.mark.slow
 def test_the_first_movement_needs_what_it_should(result: dict) -> None:
     for name in (OURS, OFF):
         assert result[name][0]["largest"] == pytest.approx(START_N, abs=35.0)
         assert len(result[name]) == 1 + SIZES.trials
 
 
+@pytest.mark.slow
 def test_tension_falls_by_learning_only(result: dict) -> None:
     ours, off = result[OURS], result[OFF]
     assert ours[-1]["largest"] < 0.68 * ours[0]["largest"]
@@ -49,6 +51,7 @@ def test_tension_falls_by_learning_only(result: dict) -> None:
     assert 0.0 <= last["excess_N"] < first["excess_N"]
 
 
+@pytest.mark.slow
 def test_it_does_not_learn_where_the_arm_is(result: dict) -> None:
     """As the paper says: this updater modifies the antagonism only."""
     first, last = numbers(result[OURS][0]), numbers(result[OURS][-1])
@@ -82,6 +85,7 @@ def test_tightening_shortens_all_muscles_equally(maps: Path) -> None:
     assert (there[1] > there[0] + 40.0).all()
 
 
+@pytest.mark.slow
 def test_conclusions_pair_robots_and_judge(result: dict, maps: Path) -> None:
     nominal = run(NOMINAL, SEED, SIZES, maps)
     found = conclude({SEED: {ACTUAL: result, NOMINAL: nominal}}, SIZES)

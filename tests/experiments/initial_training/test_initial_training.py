@@ -125,6 +125,7 @@ def test_flexion_moves_the_pitch_alone(nominal: NominalModel) -> None:
     np.testing.assert_allclose(zero, 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_findings_have_a_number_for_every_group(results: dict[int, dict[str, Any]]) -> None:
     found = conclude(results, TINY)
     for group in GROUP_JOINTS:
@@ -136,6 +137,7 @@ def test_findings_have_a_number_for_every_group(results: dict[int, dict[str, Any
     assert all(picture.png.startswith(b"\x89PNG") for picture in found.pictures)
 
 
+@pytest.mark.slow
 def test_sentences_follow_the_numbers(results: dict[int, dict[str, Any]]) -> None:
     assert "above the paper's 1 mm" in statements(results)[0]
     groups = results[0]["paper"]["groups"]
