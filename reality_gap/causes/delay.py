@@ -41,7 +41,7 @@ EFFORTS = "efforts after positions"
 """Note of the location of all efforts that are compared by inverse dynamics. Positions may also be
 read after them, so that this delay may be negative."""
 OF_PERIOD = 0.03
-"""Tolerance of a delay of efforts over the time between two rows of the log: what happens between
+"""Tolerance of a delay of efforts over the time between two of their readings: what happens between
 them, such as a reversal of friction, is not seen and looks like a small delay."""
 EARLIEST = 0.5
 """Largest time by which the sensors of a kind, or all commands, are early [s]: where time stamps of
@@ -68,7 +68,7 @@ def _bus(system: System, sensor: str) -> int:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == EFFORTS:
         hints = SearchHints(secants=(*(-s for s in SECANTS), *SECANTS))
-        tolerance = max(0.0001, OF_PERIOD * clocks.row_period(system))
+        tolerance = max(0.0001, OF_PERIOD * system.study.period)
         return (Parameter("delay", "s", 0.004, tolerance, -0.5, 0.5, hints=hints),)
     early, secants = 0.0, elements.secants(system, location, SECANTS)
     if location.kind == "sensor" or len(location.elements) == len(commanded(system.model)):

@@ -27,8 +27,9 @@ EDGE = 0.025
 """Time constant of the rise and the fall of the force [s]."""
 STARTS = 48
 """Largest number of onsets from which fits start; there are two per second up to this number."""
-ODDS = -4.0
-"""Log odds of an external force [nats]: it explains a little of anything for some time."""
+ODDS = -5.7
+"""Log odds of an external force [nats]: it explains a little of anything for some time, and about
+six durations are tried with each start."""
 EACH = "in each episode"
 """Note of a location where the force acts in each episode."""
 REGULAR = "at regular intervals"

@@ -110,6 +110,8 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         return
     holder = spec.body(location.elements[0])
     name = f"payload_{location.note.replace(' ', '_') or f'of_{holder.name}'}"
+    while spec.body(name) is not None:  # the model may be one that was extended before
+        name += "_more"
     ball = holder.add_body(name=name, pos=_point(system, location, values))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
     radius = (values["mass"] / (4.0 / 3.0 * np.pi * DENSITY)) ** (1.0 / 3.0)

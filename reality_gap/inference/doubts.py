@@ -37,7 +37,8 @@ def doubts_of_partial(
     noises = next(one for one in judged if one.name == "report_noises")
     form = doubt_of_form(noises.value, noises.threshold)
     residuals = [one.residual for one in (paying.result.best, *paying.tested.without)]
-    left, *without = channel_powers(paying.result.problem, *residuals)
+    everywhere = not all(gains.is_shown for gains in paying.tested.each)
+    left, *without = channel_powers(paying.result.problem, *residuals, everywhere=everywhere)
     beside = [doubt_beside_unknown(more - left, left) for more in without]
     return [
         (

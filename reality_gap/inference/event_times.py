@@ -7,9 +7,6 @@ own: first several durations, at each of which the other parameters are refitted
 then moves of one edge that keep the others. After such a move the size of the event is refitted
 along its replayed effect ``e``: with the whitened residual ``r`` without the event, the best size
 is ``r'e / e'e``.
-
-An effort shows a push at that moment only. An edge within a block of the report split therefore has
-no readings to which it could be fitted, and is moved to where that block shows it.
 """
 
 from __future__ import annotations
@@ -35,8 +32,6 @@ REPEATS = 6
 GAIN, SHARE = 0.2, 0.01
 """Smallest decrease of the misfit for which an edge is moved, whichever is less [nats, share].
 Where a model is wrong by many noises, few nats are all there are."""
-GRID = 10
-"""Number of steps of an edge across a block of readings that are not fitted."""
 LARGEST = 4.0
 """Largest factor by which the size of the event is changed."""
 

@@ -26,7 +26,7 @@ LEAST_WEIGHT = 0.1
 
 @dataclass(frozen=True)
 class Score:
-    """Comparison of two models by the RMS of their residuals on `reported` readings.
+    """Comparison of two models by the RMS of their residuals on the report split.
 
     Attributes:
         before, after: RMS without and with the extension, in units of noise.
@@ -50,27 +50,21 @@ def is_shown(measured: Measured, change: Floats) -> bool:
     A short event may lie between two of its blocks.
     """
     report = split(measured) == REPORT
-    return float(np.sum(change[report] ** 2)) >= SHOWN * float(np.sum(change**2))
+    return not float(np.sum(change[report] ** 2)) < SHOWN * float(np.sum(change**2))
 
 
-def reported(measured: Measured, change: Floats) -> Bools:
-    """Return by which readings a change of a residual (n,) is reported, shape (n,).
-
-    They are those of the report split, or all if it does not show the change.
-    """
-    report: Bools = split(measured) == REPORT
-    return report if is_shown(measured, change) else np.ones_like(report)
-
-
-def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Score:
-    """Compare two residuals on `reported` readings; intervals come from a bootstrap over blocks.
+def score(
+    study: Study, measured: Measured, before: Floats, after: Floats, use: Bools | None = None
+) -> Score:
+    """Compare two residuals on the report split; intervals are those of a bootstrap over blocks.
 
     Args:
         study: the study.
         measured: its readings.
         before, after: residuals without and with an extension in units of noise, shape (n,).
+        use: by which readings to compare, shape (n,), in place of the report split.
     """
-    use = reported(measured, before - after)
+    use = split(measured) == REPORT if use is None else use
     floor = np.minimum(1.0, rough_noise(study)[measured.channel] / measured.noise)[use]
     block = np.unique(blocks(measured)[use], return_inverse=True)[1]
     sums: Floats = np.column_stack(

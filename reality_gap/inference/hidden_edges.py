@@ -9,12 +9,11 @@ that it is moved there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from reality_gap.inference.event_times import times_of
-from reality_gap.inference.gauss_newton import Fit, rescore
+from reality_gap.inference.gauss_newton import Fit, Objective, Point, rescore, run_together
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import to_theta
 from reality_gap.inference.whitening import whitening
@@ -70,7 +69,8 @@ def _with_times(hypothesis: Hypothesis, i: int, begin: float, end: float) -> Hyp
     """Return a hypothesis whose event ``i`` has other times [s]."""
     candidate, values = hypothesis[i]
     first, duration = (candidate.parameter(name) for name in times_of(candidate))
-    moved = {first.name: begin, duration.name: max(end - begin, duration.low)}
+    length = min(max(end - begin, duration.low), duration.high)
+    moved = {first.name: min(max(begin, first.low), first.high), duration.name: length}
     return [*hypothesis[:i], (candidate, {**values, **moved}), *hypothesis[i + 1 :]]
 
 
@@ -81,7 +81,10 @@ def _hidden(study: Study, time: float) -> list[float]:
         if time < start + episode.duration:
             near = (hidden_block(e, time - start + change) for change in (0.0, -BESIDE, BESIDE))
             block = next((one for one in near if one is not None), None)
-            return [] if block is None else (start + np.linspace(*block, STEPS + 1)).tolist()
+            if block is None:
+                return []
+            times = np.linspace(*block, STEPS + 1)
+            return (start + times[times <= episode.duration]).tolist()
         start += episode.duration
     return []
 
@@ -99,5 +102,7 @@ def _best(problem: Problem, fitted: Fit, trials: Sequence[Hypothesis]) -> Fit:
     if best == 0:
         return fitted
     hypothesis, residual = trials[best - 1], residuals[best]
-    moved = replace(fitted, hypothesis=hypothesis, residual=residual, theta=to_theta(hypothesis))
-    return rescore(problem, moved)
+    theta = to_theta(hypothesis)
+    slopes = Objective(problem, hypothesis).differences(Point(theta, residual))
+    [jacobian] = run_together(problem.replayer, [slopes])
+    return rescore(problem, Fit(hypothesis, residual, jacobian, theta, 0.0))

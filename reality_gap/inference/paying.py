@@ -175,15 +175,20 @@ def held_out_test(result: Search) -> Tested:
     """Test the best causes of a search on held-out readings."""
     problem, best = result.problem, result.best
     folds, null = Folds(problem, best), null_fit(problem)
-    without = tuple(_without(result, i) for i in range(len(best.hypothesis)))
+    # An edge that only the best fit has where it is would be credited to each other cause.
+    without = tuple(
+        with_hidden_edges(problem, _without(result, i)) for i in range(len(best.hypothesis))
+    )
 
     def gains(one: Fit) -> Gains:
         shown = is_shown(problem.measured, one.residual - best.residual)
         return Gains(folds.cross_validated(one), folds.report(one), shown)
 
     # Deviations may have hidden a part of what a cause adds; without it they cost more.
-    left = [one.left_with_cost for one in deviations(problem, null.residual, best.residual)]
-    scored = score(problem.system.study, problem.measured, *left)
+    before, after = (
+        one.left_with_cost for one in deviations(problem, null.residual, best.residual)
+    )
+    scored = score(problem.system.study, problem.measured, before, after)
     each = tuple(gains(one) for one in without)
     total = each[0] if len(each) == 1 else gains(null)
     return Tested(total, each, without, scored.improvement)
@@ -240,7 +245,10 @@ def _worst(result: Search, tested: Tested) -> tuple[int, str] | None:
     best, stop = result.best, result.stop
     if stop is not None and stop.cause in best.candidates:
         return best.candidates.index(stop.cause), stop.objection
-    lows = [min(gains.folds.low, gains.report.value) for gains in tested.each]
+    lows = [
+        min(gains.folds.low, gains.report.value) if gains.is_shown else gains.folds.low
+        for gains in tested.each
+    ]
     bounded = [i for i, part in enumerate(best.hypothesis) if at_bound([part])]
     if bounded:
         return min(bounded, key=lows.__getitem__), AT_BOUND

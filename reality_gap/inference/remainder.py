@@ -94,17 +94,20 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     )
 
 
-def channel_powers(problem: Problem, *residuals: Floats) -> tuple[Floats, ...]:
+def channel_powers(
+    problem: Problem, *residuals: Floats, everywhere: bool = False
+) -> tuple[Floats, ...]:
     """Return the mean square of each channel on the report split, without tolerances [noise^2].
 
     Args:
         problem: what is to be explained.
         residuals: residuals in units of noise, shape (n,) each.
+        everywhere: whether all readings are used in place of the report split.
 
     Returns:
         Power by channel of each residual, shape (c,).
     """
-    report = split(problem.measured) == REPORT
+    report = (split(problem.measured) == REPORT) | everywhere
     channel, count = problem.measured.channel[report], len(problem.system.study.channels)
     readings = np.maximum(np.bincount(channel, minlength=count), 1)
 

@@ -24,10 +24,11 @@ STEP = 0.25
 """Finite difference, in scales of a parameter."""
 CHUNK = 32
 """Number of candidates that are screened between two checkpoints."""
-LONGER = (2, 3, 4, 6, 8, 12, 16)
+LONGER = (2, 3, 4, 6, 8, 12, 16, 24, 32)
 """How many short events in a row make a longer one."""
-MEMORY = 1e9
-"""Largest size of the columns of longer events [bytes]."""
+MEMORY = 3e8
+"""Size of the columns of longer events above which only every second of them is kept, or fewer
+[bytes]."""
 TYPICAL_FAULTS = 3.0
 """Size of a fault, in scales of a parameter, whose change of the readings decides on visibility."""
 
@@ -136,7 +137,6 @@ def _longer_events(found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:
     """Yield the sensitivities of events that last longer than those that were replayed.
 
     To first order, a long event is several short ones, each of which begins where another ends.
-    There are none if they would need too much memory.
 
     Args:
         found: of events at all starts, and of other candidates.
@@ -147,9 +147,8 @@ def _longer_events(found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:
             key = one.candidate.cause.id, one.candidate.location
             events.setdefault(key, {})[one.fixed[times[0].name]] = one
     rows = [row for short in events.values() for row in _rows(short)]
-    if sum(row[0].columns.nbytes for row in rows) > MEMORY:
-        return
-    for first, *others in rows:
+    size = sum(row[0].columns.nbytes for row in rows)
+    for first, *others in rows[:: 1 + int(size / MEMORY)]:
         _, duration = _begin_and_duration(first.candidate)
         fixed = first.fixed | {duration.name: (1 + len(others)) * first.fixed[duration.name]}
         columns = np.sum([one.columns for one in (first, *others)], axis=0)

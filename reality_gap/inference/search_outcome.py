@@ -35,7 +35,7 @@ from reality_gap.inference.support import Supported
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 
 def search_outcome(
@@ -60,24 +60,30 @@ def search_outcome(
     null = replayer.without_expansion([], problem.null_residual)
     after = replayer.without_expansion(best.hypothesis, best.residual)
     tried = score(study, measured, null, after)
+    tested = paying.tested if named else paying.attempted
+    shown = best.is_null or tested.total.is_shown
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
     doubts: list[tuple[Doubt, ...]] = [(Doubt(UNKNOWN, doubt or 0.0),)] * len(found)
     if verdict is Verdict.PARTLY_NAMED:
         doubts = doubts_of_partial(paying, doubt or 0.0, judged)
     fitted = tuple(lowered(one, own) for one, own in zip(found, doubts, strict=True))
     scored = tried if named else score(study, measured, null, null)
-    unexplained, explainable = tried.unexplained, _explainable(problem, best.residual, remainder)
+    use = (split(measured) == REPORT) | (not shown)
+    unexplained = (tried if shown else score(study, measured, null, after, use)).unexplained
+    explainable = max(1.0 - unexplained, _explainable(problem, best.residual, remainder, use))
     if verdict is Verdict.NOTHING_WRONG:
         unexplained = _left_by_tolerances(scored, remainder)
         explainable = max(explainable, 1.0 - unexplained)
+    # The report split says nothing of an event between two of its blocks.
     causes = _named_causes(paying, fitted, doubts) if named else ()
-    steps = _waterfall(paying, causes, scored) if named else ()
+    steps = _waterfall(paying, causes, scored) if named and shown else ()
+    shares = steps[1:] or (None,) * len(causes)
     return Outcome(
         verdict=verdict,
         hypothesis=best.hypothesis if named else [],
         residual=after if named else null,
         score=scored,
-        causes=tuple(replace(c, share=s) for c, s in zip(causes, steps[1:], strict=True)),
+        causes=tuple(replace(c, share=s) for c, s in zip(causes, shares, strict=True)),
         fitted_candidates=_fitted_candidates(problem, fitted),
         gain=scored.gain if tried.improvement.low > 0.0 or not named else None,
         unexplained_fraction=unexplained,
@@ -225,10 +231,16 @@ def _left_by_tolerances(scored: Score, remainder: Remainder) -> float:
     return share_left(scored.before, remainder.before, scored.floor)
 
 
-def _explainable(problem: Problem, residual: Floats, remainder: Remainder) -> float:
-    """Return the share of the power above the noise that causes and learned residual explain."""
-    report = split(problem.measured) == REPORT
+def _explainable(problem: Problem, residual: Floats, remainder: Remainder, use: Bools) -> float:
+    """Return the share of the power above the noise that causes and learned residual explain.
+
+    Args:
+        problem: what is explained.
+        residual: what the causes leave, shape (n,).
+        remainder: what is learned of that.
+        use: by which readings, shape (n,).
+    """
     left = residual - remainder.learned.prediction
-    power = float(np.sum(problem.null_residual[report] ** 2)) - report.sum()
-    rest = float(np.sum(left[report] ** 2)) - report.sum()
+    power = float(np.sum(problem.null_residual[use] ** 2)) - use.sum()
+    rest = float(np.sum(left[use] ** 2)) - use.sum()
     return float(np.clip(1.0 - rest / power, 0.0, 1.0)) if power > 0 else 0.0

@@ -14,11 +14,11 @@ import numpy as np
 from reality_gap.diagnosis import Share
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.held_out import reported
+from reality_gap.inference.hidden_edges import with_hidden_edges
 from reality_gap.inference.paying import Tested
 from reality_gap.inference.whitening import explained_by_tolerances
 from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.study.splits import SELECT, split
+from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
 
 TOLERANCES = "small deviations within the tolerances"
@@ -34,13 +34,13 @@ def waterfall(
         result: the search.
         tested: the test of its best causes.
         order: these causes in the order in which they are added.
-        before: RMS of the residual of the nominal model on the reported readings [noise].
+        before: RMS of the residual of the nominal model on the report split [noise].
         floor: RMS of the readings' own noise there [noise].
     """
     problem, best = result.problem, result.best
-    used, model = split(problem.measured) <= SELECT, problem.noise_model
-    report = reported(problem.measured, problem.null_residual - best.residual)
-    within = explained_by_tolerances(model.tolerances, model.inflation, used, best.residual)
+    report = split(problem.measured) == REPORT
+    model = problem.noise_model
+    within = explained_by_tolerances(model.tolerances, model.inflation, ~report, best.residual)
 
     def rms(residual: Floats) -> float:
         return float(np.sqrt(np.mean(residual[report] ** 2)))
@@ -78,7 +78,8 @@ def _subset(result: Search, tested: Tested, chosen: Sequence[Candidate]) -> Fit:
             return one
     rest = [part for part in best.hypothesis if any(part[0].matches(one) for one in chosen)]
     step = result.step_beside(rest)
-    return step.base if step is not None else fit(result.problem, rest)
+    found = step.base if step is not None else fit(result.problem, rest)
+    return with_hidden_edges(result.problem, found)
 
 
 def _holds(fitted: Fit, candidate: Candidate) -> bool:

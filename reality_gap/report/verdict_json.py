@@ -46,7 +46,8 @@ Keys of the file, which are part of the interface:
     likelihood_gain       increase of the log likelihood of readings to which the causes were not
                           fitted [nats]: value, low, high; or null
     unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1; if
-                          "nothing_wrong", what deviations within the tolerances leave
+                          "nothing_wrong", what deviations within the tolerances leave; on all
+                          data if held-out data show nothing of the causes, as of a short push
     explainable_fraction  share that the causes and a learned residual would explain, 0 to 1; if
                           "nothing_wrong", at least what these deviations do
     depends_on            what the remaining error depends on: quantity, channel, fraction

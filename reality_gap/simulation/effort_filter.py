@@ -95,7 +95,8 @@ def _derivative_powers(model: mujoco.MjModel, motions: Sequence[Motion]) -> tupl
     data, count = mujoco.MjData(model), 0
     found = [np.zeros((model.nv, model.nv)) for _ in range(3)]
     for motion in motions:
-        for k in range(0, len(motion.time), max(1, len(motion.time) // POSTURES)):
+        read = np.flatnonzero(motion.is_read)
+        for k in read[:: max(1, len(read) // POSTURES)]:
             data.qpos, data.qvel, data.qacc = motion.qpos[k], motion.qvel[k], motion.qacc[k]
             each = [np.zeros((model.nv, model.nv)) for _ in range(3)]
             mujoco.mjd_inverseFD(model, data, STEP, False, *each, None, None, None, None)

@@ -115,7 +115,7 @@ def prepare(study: Study) -> Study:
         replace(study.channels[c], noise=float(size))
         for c, size in zip(efforts, sizes, strict=True)
     )
-    prepared = replace(study, channels=channels, episodes=tuple(episodes))
+    prepared = replace(study, channels=channels, episodes=tuple(episodes), period=period)
     return replace(prepared, uses=_uses(prepared, motions))
 
 
@@ -128,10 +128,10 @@ def _uses(study: Study, motions: Sequence[Motion]) -> dict[str, JointUse]:
     found = joint_uses(system)
     for joint, use in found.items():
         at = system.model.joint(joint)
-        velocity = np.concatenate([m.qvel[:, int(at.dofadr[0])] for m in motions])
+        velocity = np.concatenate([m.qvel[m.is_read, int(at.dofadr[0])] for m in motions])
         speed = float(np.sqrt(np.mean(velocity**2)))
         if speed > AT_REST * use.speed:
-            travel = max(float(np.ptp(m.qpos[:, int(at.qposadr[0])])) for m in motions)
+            travel = max(float(np.ptp(m.qpos[m.is_read, int(at.qposadr[0])])) for m in motions)
             found[joint] = use._replace(speed=speed, travel=travel)
     return found
 

@@ -71,6 +71,14 @@ class Motion:
     gaps: Floats
 
     @property
+    def is_read(self) -> Bools:
+        """Whether each sample lies outside the gaps, in which the motion is not known, (k,)."""
+        read: Bools = np.ones(len(self.time), dtype=bool)
+        for begin, end in self.gaps:
+            read &= (self.time <= begin) | (self.time >= end)
+        return read
+
+    @property
     def step(self) -> float:
         """Time between two samples [s]."""
         return float(self.time[1] - self.time[0])

@@ -69,7 +69,8 @@ def _exclude(touch: _Touch) -> str:
 
 def _touches_of_measured_motion(study: Study) -> list[str]:
     """Return a sentence on each pair of bodies that touch where efforts were measured."""
-    motions = [episode.motion.qpos for episode in prepared_episodes(ensure_prepared(study))]
+    episodes = prepared_episodes(ensure_prepared(study))
+    motions = [episode.motion.qpos[episode.motion.is_read] for episode in episodes]
     return [
         f"{touch.sentence('the measured motion')}. Positions do not show how firmly, and efforts "
         "are compared without the forces of contacts"

@@ -141,6 +141,7 @@ class Study:
         absolute_encoders: whether encoders of tendons read lengths; by default they read the
             difference to the nominal length at the model's ``qpos0``, where they are zeroed.
         uses: of joints by name, in a study whose readings were left out or have no positions.
+        period: time between two readings before efforts were filtered, if they were [s].
     """
 
     name: str
@@ -150,6 +151,7 @@ class Study:
     initial: Initial = field(default_factory=Initial)
     absolute_encoders: bool = False
     uses: Mapping[str, JointUse] = field(default_factory=dict)
+    period: float = 0.0
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new copy of the model.

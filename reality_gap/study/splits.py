@@ -42,11 +42,13 @@ def blocks(measured: Measured) -> Ints:
 def hidden_block(episode: int, time: float) -> tuple[float, float] | None:
     """Return begin and end of the block at a time if it is of the report split [s].
 
+    None for a time before the episode.
+
     Args:
         episode: index of the episode.
         time: time from the first command of the episode [s].
     """
     block = int(np.floor(time / BLOCK))
-    if TURN[(block + episode) % len(TURN)] != REPORT:
+    if time < 0.0 or TURN[(block + episode) % len(TURN)] != REPORT:
         return None
     return block * BLOCK, (block + 1) * BLOCK

@@ -20,13 +20,6 @@ def least_delay(system: System) -> float:
     return LEAST * float(system.model.opt.timestep)
 
 
-def row_period(system: System) -> float:
-    """Return the usual time between two rows of a log [s]; 0 if there are none."""
-    steps = [np.diff(episode.time) for episode in system.study.episodes]
-    every = np.concatenate(steps) if steps else np.empty(0)
-    return float(np.median(every)) if len(every) else 0.0
-
-
 def read_at(record: Record, sensors: Iterable[str], then: Floats, time: Floats) -> None:
     """Replace readings by those of other times.
 

@@ -16,13 +16,16 @@ import numpy as np
 from reality_gap.causes.support import actuators
 from reality_gap.causes.support.machine_size import MachineSize, machine_size
 from reality_gap.study.data import Reading
-from reality_gap.study.system import System, column, commanded
+from reality_gap.study.system import System, column, command_limits, commanded
 from reality_gap.types import Floats
 
 FOLLOWING = tuple(
     int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}")) for kind in ("NONE", "FILTER", "FILTEREXACT")
 )
 """Kinds of activation that follow the command."""
+
+SPEED_PERIOD = 0.02
+"""Interval over which a measured velocity is averaged [s]."""
 
 _SENSOR, _TRANSMISSION = mujoco.mjtSensor, mujoco.mjtTrn
 
@@ -105,10 +108,20 @@ def _motions(system: System, actuator: int, joint: int) -> Iterator[tuple[Floats
             continue
         for episode in study.episodes:
             if episode.command.shape[1] > at and c < len(episode.readings):
-                reading = episode.readings[c]
-                row = np.searchsorted(episode.time, reading.time, side="right") - 1
+                reading = _averaged(episode.readings[c])
+                # A control loop reads first and then commands.
+                row = np.maximum(np.searchsorted(episode.time, reading.time) - 1, 0)
                 if len(reading.time) > 1:
-                    yield episode.command[np.maximum(row, 0), at], reading
+                    yield episode.command[row, at], reading
+
+
+def _averaged(reading: Reading) -> Reading:
+    """Return every so many values of a reading that noise is little of the speeds between them."""
+    if len(reading.time) < 2:
+        return reading
+    period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)
+    stride = max(1, round(SPEED_PERIOD / period))
+    return Reading(reading.time[::stride], reading.value[::stride])
 
 
 def _servo_force(model: mujoco.MjModel, actuator: int, command: Floats, reading: Reading) -> Floats:
@@ -117,6 +130,7 @@ def _servo_force(model: mujoco.MjModel, actuator: int, command: Floats, reading:
     constant, by_length, by_speed = (float(x) for x in model.actuator_biasprm[actuator, :3])
     length, speed = gear * reading.value, gear * np.gradient(reading.value, reading.time)
     gain = float(model.actuator_gainprm[actuator, 0])
+    command = np.clip(command, *command_limits(model, actuator))
     return gain * command + constant + by_length * length + by_speed * speed
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, machine_size
-from reality_gap.causes.support.shown_forces import typical_loads
+from reality_gap.causes.support.shown_forces import SPEED_PERIOD, typical_loads
 from reality_gap.study.data import Channel, JointUse, Reading
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -39,11 +39,8 @@ SMALL = 0.1
 """Lever arm of a tendon, over its largest one, below which it does not matter for the force."""
 
 MOST, MOST_UNKNOWN = 2.0, 20.0
-"""Largest friction of a joint over its typical force, and where neither the model nor the log tells
-how strong its motor is."""
-
-SPEED_PERIOD = 0.02
-"""Interval over which a measured velocity is averaged [s]."""
+"""Largest friction of a joint over its typical force, and where neither a limit of the model nor
+measured efforts tell how strong its motor is."""
 
 
 def joint_force(system: System, location: Location) -> tuple[str, float]:

@@ -310,3 +310,17 @@ def test_a_marker_moves_in_its_own_axes(crane: System) -> None:
     tip = plant_with(crane, "marker_offset", Location("body", ("tip",)), x=0.01)
     along = nominal.body("tip").xmat.reshape(3, 3)[:, 0]
     assert read(tip, "tip_seen", luff=0.2) == pytest.approx(nominal.body("tip").xpos + 0.01 * along)
+
+
+def test_a_model_that_was_extended_by_a_payload_may_have_another(tmp_path: Path) -> None:
+    geom = '<geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.01"/>'
+    (tmp_path / "arm.xml").write_text(END.format(geom=geom))
+    system = system_of(tmp_path / "arm.xml")
+    [location] = find_cause("payload").locations(system)
+    extended = tmp_path / "extended.xml"
+    extended.write_text(plant_with(system, "payload", location, mass=0.1, along=1.0).spec.to_xml())
+    again = system_of(extended)
+    for other in find_cause("payload").locations(again):
+        assert plant_with(again, "payload", other, mass=0.2).spec.compile().body_mass.sum() == (
+            pytest.approx(again.model.body_mass.sum() + 0.2)
+        )

@@ -10,13 +10,14 @@ import pytest
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
+from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System
 from tests.reality_gap.causes.candidates import candidate, with_cause
 from tests.reality_gap.causes.carriage import carriage_study
-from tests.reality_gap.causes.machines import predict
+from tests.reality_gap.causes.machines import predict, pushed_screw
 
 
 def test_measured_efforts_may_have_a_scale_and_an_offset(systems: dict[str, System]) -> None:
@@ -44,19 +45,18 @@ def test_efforts_may_be_later_than_positions_or_earlier(
     assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
 
 
-@pytest.mark.parametrize(("period", "tolerance"), [(1e-3, 1e-4), (0.01, 3e-4), (0.05, 1.5e-3)])
-def test_a_delay_of_efforts_that_rows_do_not_resolve_is_tolerated(
-    systems: dict[str, System], period: float, tolerance: float
+def test_a_delay_of_efforts_that_their_readings_do_not_resolve_is_tolerated(
+    tmp_path: Path,
 ) -> None:
-    system = systems["effort"]
-    [episode] = system.study.episodes
-    time = np.arange(0.0, 2.0, period)
-    slow = replace(episode, time=time, command=np.zeros((len(time), 1)))
-    read = replace(system, study=replace(system.study, episodes=(slow,)))
-    [location] = CATALOGUE["delay"].locations(read)
-    assert candidate(read, "delay", location).parameter("delay").tolerance == (
-        pytest.approx(tolerance)
-    )
+    """Efforts are read each 10 ms, whatever the rows of the first file are."""
+    study = pushed_screw(tmp_path, 4.0, 5.0)
+    [episode] = study.episodes
+    slow = replace(episode, time=episode.time[::100], command=episode.command[::100])
+    with Replayer(replace(study, episodes=(slow,))) as replayer:
+        [location] = CATALOGUE["delay"].locations(replayer.system)
+        delay = candidate(replayer.system, "delay", location)
+        assert is_tolerable(delay, {"delay": 5e-4})
+        assert not is_tolerable(delay, {"delay": 1e-3})
 
 
 def test_a_scale_of_efforts_scales_what_inverse_dynamics_compute(

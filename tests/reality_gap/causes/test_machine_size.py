@@ -179,6 +179,35 @@ def test_the_distance_of_a_servo_from_its_command_is_a_force(tmp_path: Path, fil
     assert found.high > 2.0 * 0.8
 
 
+def test_what_a_servo_cannot_reach_and_noise_of_its_speed_are_no_force(tmp_path: Path) -> None:
+    """Commands are limited to 0.5 rad, and the speed of a joint that rests is noise."""
+    servo = '<position name="motor" joint="shoulder" kp="1" kv="5" ctrlrange="-0.5 0.5"/>'
+    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
+    path = tmp_path / "servo.xml"
+    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
+    system, time = system_of(path), np.arange(0.0, 2.0, 0.001)
+    value = 0.1 + 1e-4 * np.random.default_rng(0).standard_normal(len(time))
+    command = np.where(time < 1.0, 30.0, -30.0)[:, None]
+    episode = Episode("log", time, command, (Reading(time, value),))
+    channels = (Channel("q", "q", noise=1e-4),)
+    found = friction(compile_system(replace(system.study, channels=channels, episodes=(episode,))))
+    assert found.scale == pytest.approx(0.02 * np.sqrt(0.5 * (0.4**2 + 0.6**2)), rel=0.02)
+
+
+def test_a_reading_at_a_command_belongs_to_the_command_before(tmp_path: Path) -> None:
+    servo = '<position name="motor" joint="shoulder" kp="100" kv="0"/>'
+    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
+    path = tmp_path / "servo.xml"
+    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
+    system, time = system_of(path), np.arange(0.0, 2.0, 0.05)
+    command = 0.5 * np.sin(3.0 * time)
+    value = np.concatenate([command[:1], command[:-1]]) - 0.005  # it follows within a period
+    episode = Episode("log", time, command[:, None], (Reading(time, value),))
+    channels = (Channel("q", "q", noise=1e-4),)
+    found = friction(compile_system(replace(system.study, channels=channels, episodes=(episode,))))
+    assert found.scale == pytest.approx(0.02 * 0.5, rel=0.02)
+
+
 @pytest.mark.parametrize(("motor", "most"), [(PLAIN, 20.0), (LIMITED.format(0.005), 2.0)])
 def test_friction_may_be_large_where_the_strength_of_a_motor_is_not_known(
     tmp_path: Path, motor: str, most: float

@@ -4,19 +4,64 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE
+from reality_gap.inference.forward_selection import Search, Step
+from reality_gap.inference.gauss_newton import fit
+from reality_gap.inference.hidden_edges import with_hidden_edges
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.paying import held_out_test
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.verdict import Options
 from reality_gap.pipeline import diagnose
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.splits import hidden_block
-from tests.reality_gap.causes.machines import pushed_screw
+from tests.reality_gap.causes.machines import first_of_each_kind, pushed_screw
 
 
 def test_blocks_of_the_report_split_are_hidden() -> None:
     assert hidden_block(0, 0.8) == (0.75, 1.0)
     assert hidden_block(0, 1.1) is None
     assert hidden_block(1, 0.6) == (0.5, 0.75)
+    assert hidden_block(0, -0.05) is None
+
+
+def problem_of(replayer: Replayer) -> Problem:
+    null = replayer.residual([])
+    return Problem(replayer, null, independent_noise(replayer.measured, np.zeros((len(null), 0))))
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 3.3), (8.7, 11.98)])
+def test_edges_stay_within_the_log(tmp_path: Path, begin: float, end: float) -> None:
+    with Replayer(pushed_screw(tmp_path, begin, end)) as replayer:
+        problem = problem_of(replayer)
+        push = first_of_each_kind(replayer.system, CATALOGUE["external_force"])[0]
+        values = push.null_values() | {"x": 40.0, "start": begin, "duration": end - begin}
+        [(_, moved)] = with_hidden_edges(problem, fit(problem, [(push, values)])).hypothesis
+    for name in ("start", "duration"):
+        p = push.parameter(name)
+        assert p.low <= moved[name] <= p.high
+    assert moved["start"] + moved["duration"] <= 12.0
+
+
+def test_moved_edges_are_no_gain_of_another_cause(tmp_path: Path) -> None:
+    """The push begins and ends where only the report split shows it."""
+    with Replayer(pushed_screw(tmp_path, 3.78, 5.97)) as replayer:
+        problem = problem_of(replayer)
+        push = first_of_each_kind(replayer.system, CATALOGUE["external_force"])[0]
+        delay = first_of_each_kind(replayer.system, CATALOGUE["delay"])[0]
+        values = push.null_values() | {"x": 40.0, "start": 3.85, "duration": 2.1}
+        alone = fit(problem, [(push, values)])
+        both = fit(problem, [*alone.hypothesis, (delay, {"delay": 1e-4})])
+        step = Step(alone, (both,), 20.0, 7.0)
+        result = Search(problem, (step,), with_hidden_edges(problem, both), ())
+        moved = both.hypothesis[0][1]["start"] != result.best.hypothesis[0][1]["start"]
+        assert moved
+        [of_push, of_delay] = held_out_test(result).each
+    assert of_push.pays
+    assert not of_delay.pays
 
 
 @pytest.mark.parametrize(("begin", "end"), [(3.85, 6.93), (4.1, 7.3)])
