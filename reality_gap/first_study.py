@@ -201,9 +201,12 @@ class _Lines:
         return None
 
     def _is_named(self, study: Study, sensor: str) -> bool:
-        found = next(s for s in study.spec().sensors if s.name == sensor)
+        spec = study.spec()
+        found = next(s for s in spec.sensors if s.name == sensor)
+        drives = found.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
+        moved = spec.actuator(found.objname).target if drives else ""
         column = str(self.before[sensor]["column"])
-        return named_share(Element(sensor, found.objname, ""), column) > 0.0
+        return named_share(Element(sensor, found.objname, "", moved=moved), column) > 0.0
 
 
 def _start(sensor: str) -> str:

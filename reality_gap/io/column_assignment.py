@@ -7,13 +7,20 @@ from dataclasses import dataclass
 
 import mujoco
 
-from reality_gap.io.column_guesses import Element, Found, guess, named_share
+from reality_gap.io.column_guesses import Element, Found, guess, named_share, silent_words
 from reality_gap.io.column_names import KINDS, guess_time, kind_of
 from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed or left out."""
+
+_TRANSMISSIONS = {
+    int(mujoco.mjtTrn.mjTRN_JOINT): mujoco.mjtObj.mjOBJ_JOINT,
+    int(mujoco.mjtTrn.mjTRN_JOINTINPARENT): mujoco.mjtObj.mjOBJ_JOINT,
+    int(mujoco.mjtTrn.mjTRN_TENDON): mujoco.mjtObj.mjOBJ_TENDON,
+}
+"""Types of elements that actuators move, by the transmission."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +81,14 @@ def undriven(joints: Sequence[str], columns: Sequence[str]) -> str:
     """
     if efforts_of(joints, columns):
         return ""
-    found = guess(
-        [Element(name, "", "command") for name in joints],
-        [column for column in columns if kind_of(column) == "command"],
-    )
-    if not found:
+    elements = [Element(name, name, "command") for name in joints]
+    silent = silent_words(elements)
+    stated = [column for column in columns if kind_of(column, silent(column)) == "command"]
+    driven = {column: e.name for e, group in guess(elements, stated).items() for column in group}
+    if not driven:
         return ""
-    commands = ", ".join(column for group in found.values() for column in group)
-    joint = next(iter(found)).name
+    ordered = [column for column in stated if column in driven]
+    commands, joint = ", ".join(ordered), driven[ordered[0]]
     return (
         f"the model has no actuators, but {commands} seem to be commands, and no column seems to "
         "be an effort; add to the model what these commands drive, such as "
@@ -121,19 +128,29 @@ def _parts(model: mujoco.MjModel, added: Collection[str]) -> dict[str, list[Elem
 
 
 def _command(model: mujoco.MjModel, name: str) -> Element:
-    return Element(name, "", "command", quantity=_kind_of_units(actuator_units(model, name)))
+    quantity = _kind_of_units(actuator_units(model, name))
+    return Element(name, "", "command", quantity=quantity, moved=_moved(model, name))
+
+
+def _moved(model: mujoco.MjModel, actuator: str) -> str:
+    """Return the name of the joint or tendon that an actuator moves; empty if it moves neither."""
+    one = model.actuator(actuator)
+    kind = _TRANSMISSIONS.get(int(model.actuator_trntype[one.id]))
+    return "" if kind is None else mujoco.mj_id2name(model, kind, int(one.trnid[0])) or ""
 
 
 def _sensor(model: mujoco.MjModel, name: str, added: bool) -> Element:
     sensor = model.sensor(name)
     target = mujoco.mj_id2name(model, int(sensor.objtype[0]), int(sensor.objid[0])) or ""
     kind = _kind_of_units(sensor_units(model, name))
-    family = str(int(sensor.type[0]))
-    return Element(name, target, kind, int(sensor.dim[0]), family=family, added=added)
+    family, count = str(int(sensor.type[0])), int(sensor.dim[0])
+    drives = target and int(sensor.objtype[0]) == int(mujoco.mjtObj.mjOBJ_ACTUATOR)
+    moved = _moved(model, target) if drives else ""
+    return Element(name, target, kind, count, family=family, added=added, moved=moved)
 
 
 def _effort(joint: str) -> Element:
-    return Element(joint, "", "force", family="effort", added=True)
+    return Element(joint, joint, "force", family="effort", added=True)
 
 
 def _kind_of_units(units: Sequence[str]) -> str:
