@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 
@@ -103,7 +103,7 @@ def note_doubts(assignment: Assignment, note: Note) -> None:
         for part, elements in assignment.parts.items()
         for element in elements
         if element.name in assignment.found[part]
-        and named_share(element, assignment.found[part][element.name][0]) < 1.0
+        and named_share(_alone(element, elements), assignment.found[part][element.name][0]) < 1.0
     ]
     if doubtful:
         note(
@@ -115,6 +115,12 @@ def note_doubts(assignment: Assignment, note: Note) -> None:
     if unused:
         more = f", and {others} more" if others else ""
         note(f"not used, because no element of the model fits: {', '.join(unused)}{more}")
+
+
+def _alone(element: Element, elements: Sequence[Element]) -> Element:
+    """Return an element without what it moves if others of its kind move that, too."""
+    alike = [e for e in elements if (e.moved, e.kind) == (element.moved, element.kind)]
+    return replace(element, moved="") if len(alike) > 1 else element
 
 
 def _parts(model: mujoco.MjModel, added: Collection[str]) -> dict[str, list[Element]]:

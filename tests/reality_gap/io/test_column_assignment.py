@@ -368,6 +368,9 @@ def test_the_name_of_an_actuator_comes_before_that_of_its_joint() -> None:
     for columns in orders(["time", "hip_flexor_cmd", "hip_extensor_cmd"]):
         found = single(assigned(xml, columns))
         assert found == {name: f"{name}_cmd" for name in ("hip_flexor", "hip_extensor")}
+    xml = xml.replace("hip_", "")
+    [doubt] = noted(xml, ["time", "hip_cmd", "flexor_cmd"])
+    assert doubt.endswith("only, columns were assigned: hip_cmd to extensor")
 
 
 def test_a_tension_is_named_like_the_tendon_of_its_actuator() -> None:
