@@ -14,13 +14,13 @@ import yaml
 from mjcf_sandbox.files import write_text
 from reality_gap.errors import StudyError
 from reality_gap.io.clock_shifts import correct_clocks
-from reality_gap.io.column_assignment import assign_columns, efforts_of, undriven
+from reality_gap.io.column_assignment import Assignment, assign_columns, efforts_of, undriven
 from reality_gap.io.column_guesses import Element, named_share
 from reality_gap.io.completed_model import complete_model
 from reality_gap.io.held_commands import hold_commands
 from reality_gap.io.loader import load_study
 from reality_gap.io.new_folder import check_new, new_folder
-from reality_gap.io.recordings import Run, read_runs, write_run
+from reality_gap.io.recordings import TIME, Run, read_runs, write_run
 from reality_gap.io.template import draft_study, yaml_text
 from reality_gap.report.model_assets import write_model
 from reality_gap.simulation.column_errors import ColumnError, column_errors
@@ -66,19 +66,19 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
     together, guessed = _begin_together(files, note)
     runs = [run for file in together for run in file]
     _check_names(runs)
-    columns = tuple(dict.fromkeys(name for run in runs for name in run.columns))
+    columns = tuple(dict.fromkeys([TIME, *(name for run in runs for name in run.columns if name)]))
     if not spec.actuators and (reason := undriven([j.name for j in spec.joints], columns)):
         raise StudyError(reason)
-    _without_commands(spec, columns, added, note)
-    commands = assign_columns(spec.copy().compile(), columns, added).commands
-    runs = [hold_commands(run, commands, note) for run in runs]
+    assignment = _assign(spec, columns, added, note)
+    runs = [hold_commands(run, assignment.commands, note) for run in runs]
     with new_folder(folder) as new:
         write_model(spec.to_xml(), model, new / MODEL)
         paths = [new / f"{run.name}.csv" for run in runs]
         for run, path in zip(runs, paths, strict=True):
             write_run(run, path)
         recordings = {f"{run.name}.csv": run.recording for run in runs}
-        text = draft_study(new / MODEL, paths, new, model.stem, note, recordings, added)
+        name = model.stem
+        text = draft_study(new / MODEL, paths, new, name, note, recordings, added, assignment)
         write_text(new / STUDY, text)
         lines = [f"The columns in {STUDY} have not been corrected by a replay.", *guessed]
         write_text(new / DRAFT, "\n".join(lines) + "\n")
@@ -201,9 +201,12 @@ class _Lines:
         return None
 
     def _is_named(self, study: Study, sensor: str) -> bool:
-        found = next(s for s in study.spec().sensors if s.name == sensor)
+        spec = study.spec()
+        found = next(s for s in spec.sensors if s.name == sensor)
+        drives = found.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
+        moved = spec.actuator(found.objname).target if drives else ""
         column = str(self.before[sensor]["column"])
-        return named_share(Element(sensor, found.objname, ""), column) > 0.0
+        return named_share(Element(sensor, found.objname, "", moved=moved), column) > 0.0
 
 
 def _start(sensor: str) -> str:
@@ -255,19 +258,20 @@ def _overlap(one: Run, other: Run) -> bool:
     return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
 
 
-def _without_commands(
+def _assign(
     spec: mujoco.MjSpec, columns: Sequence[str], added: Collection[str], note: Note
-) -> None:
-    """Remove the actuators from a model whose logs have efforts and no commands."""
-    if not spec.actuators or assign_columns(spec.copy().compile(), columns, added).commands:
-        return
+) -> Assignment:
+    """Assign columns, and remove the actuators if the logs have efforts and no commands."""
+    assignment = assign_columns(spec.copy().compile(), columns, added)
+    if not spec.actuators or assignment.commands:
+        return assignment
     if not efforts_of([joint.name for joint in spec.joints], columns):
         wanted = ", ".join(actuator.name for actuator in spec.actuators)
         note(
             f"no column is named like a command of {wanted}, nor like an effort; without either, "
             "nothing can be replayed"
         )
-        return
+        return assignment
     names = {actuator.name for actuator in spec.actuators}
     actuator = mujoco.mjtObj.mjOBJ_ACTUATOR
     for sensor in [s for s in spec.sensors if s.objtype == actuator and s.objname in names]:
@@ -275,3 +279,4 @@ def _without_commands(
     for element in list(spec.actuators):
         spec.delete(element)
     note("the logs have no commands; efforts are compared along the measured motion")
+    return assign_columns(spec.copy().compile(), columns, added)

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 
-from reality_gap.io.column_guesses import Element, Found, guess, named_share
+from reality_gap.io.column_guesses import Element, Found, guess, named_share, silent_words
 from reality_gap.io.column_names import KINDS, guess_time, kind_of
 from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed or left out."""
+
+_TRANSMISSIONS = {
+    int(mujoco.mjtTrn.mjTRN_JOINT): mujoco.mjtObj.mjOBJ_JOINT,
+    int(mujoco.mjtTrn.mjTRN_JOINTINPARENT): mujoco.mjtObj.mjOBJ_JOINT,
+    int(mujoco.mjtTrn.mjTRN_TENDON): mujoco.mjtObj.mjOBJ_TENDON,
+}
+"""Types of elements that actuators move, by the transmission."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +81,14 @@ def undriven(joints: Sequence[str], columns: Sequence[str]) -> str:
     """
     if efforts_of(joints, columns):
         return ""
-    found = guess(
-        [Element(name, "", "command") for name in joints],
-        [column for column in columns if kind_of(column) == "command"],
-    )
-    if not found:
+    elements = [Element(name, name, "command") for name in joints]
+    silent = silent_words(elements)
+    stated = [column for column in columns if kind_of(column, silent(column)) == "command"]
+    driven = {column: e.name for e, group in guess(elements, stated).items() for column in group}
+    if not driven:
         return ""
-    commands = ", ".join(column for group in found.values() for column in group)
-    joint = next(iter(found)).name
+    ordered = [column for column in stated if column in driven]
+    commands, joint = ", ".join(ordered), driven[ordered[0]]
     return (
         f"the model has no actuators, but {commands} seem to be commands, and no column seems to "
         "be an effort; add to the model what these commands drive, such as "
@@ -96,7 +103,7 @@ def note_doubts(assignment: Assignment, note: Note) -> None:
         for part, elements in assignment.parts.items()
         for element in elements
         if element.name in assignment.found[part]
-        and named_share(element, assignment.found[part][element.name][0]) < 1.0
+        and named_share(_alone(element, elements), assignment.found[part][element.name][0]) < 1.0
     ]
     if doubtful:
         note(
@@ -110,6 +117,12 @@ def note_doubts(assignment: Assignment, note: Note) -> None:
         note(f"not used, because no element of the model fits: {', '.join(unused)}{more}")
 
 
+def _alone(element: Element, elements: Sequence[Element]) -> Element:
+    """Return an element without what it moves if others of its kind move that, too."""
+    alike = [e for e in elements if (e.moved, e.kind) == (element.moved, element.kind)]
+    return replace(element, moved="") if len(alike) > 1 else element
+
+
 def _parts(model: mujoco.MjModel, added: Collection[str]) -> dict[str, list[Element]]:
     """Return the elements that need columns, by part of the study."""
     joints = () if model.nu else simple_joints(model)
@@ -121,19 +134,29 @@ def _parts(model: mujoco.MjModel, added: Collection[str]) -> dict[str, list[Elem
 
 
 def _command(model: mujoco.MjModel, name: str) -> Element:
-    return Element(name, "", "command", quantity=_kind_of_units(actuator_units(model, name)))
+    quantity = _kind_of_units(actuator_units(model, name))
+    return Element(name, "", "command", quantity=quantity, moved=_moved(model, name))
+
+
+def _moved(model: mujoco.MjModel, actuator: str) -> str:
+    """Return the name of the joint or tendon that an actuator moves; empty if it moves neither."""
+    one = model.actuator(actuator)
+    kind = _TRANSMISSIONS.get(int(model.actuator_trntype[one.id]))
+    return "" if kind is None else mujoco.mj_id2name(model, kind, int(one.trnid[0])) or ""
 
 
 def _sensor(model: mujoco.MjModel, name: str, added: bool) -> Element:
     sensor = model.sensor(name)
     target = mujoco.mj_id2name(model, int(sensor.objtype[0]), int(sensor.objid[0])) or ""
     kind = _kind_of_units(sensor_units(model, name))
-    family = str(int(sensor.type[0]))
-    return Element(name, target, kind, int(sensor.dim[0]), family=family, added=added)
+    family, count = str(int(sensor.type[0])), int(sensor.dim[0])
+    drives = target and int(sensor.objtype[0]) == int(mujoco.mjtObj.mjOBJ_ACTUATOR)
+    moved = _moved(model, target) if drives else ""
+    return Element(name, target, kind, count, family=family, added=added, moved=moved)
 
 
 def _effort(joint: str) -> Element:
-    return Element(joint, "", "force", family="effort", added=True)
+    return Element(joint, joint, "force", family="effort", added=True)
 
 
 def _kind_of_units(units: Sequence[str]) -> str:

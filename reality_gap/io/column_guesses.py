@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from functools import cache, lru_cache
 
 import numpy as np
 
 from reality_gap.io.column_names import (
     ALL_HINTS,
     HINTS,
+    LOOSE,
     MEASURED,
     ending_of,
     kind_of,
@@ -38,6 +40,8 @@ class Element:
         quantity: one of `QUANTITIES` in which a command is; empty if it is unknown.
         family: type of the element; numbered columns belong to the elements of one type.
         added: whether the user's model lacks the element. It has columns that are left only.
+        moved: name of the joint or tendon that an actuator moves, for this actuator and for
+            sensors of its force; empty without one.
     """
 
     name: str
@@ -47,12 +51,15 @@ class Element:
     quantity: str = ""
     family: str = ""
     added: bool = False
+    moved: str = ""
 
 
 Found = dict[Element, tuple[str, ...]]
 """Columns of each element that has some."""
 Pair = tuple[tuple[float, ...], Element, tuple[str, ...]]
 """A key to sort by, an element and columns that may belong to it."""
+Silent = Callable[[str], frozenset[str]]
+"""Returns the words of a column's name that state no kind."""
 
 
 def guess(elements: Sequence[Element], columns: Sequence[str]) -> Found:
@@ -67,36 +74,71 @@ def guess(elements: Sequence[Element], columns: Sequence[str]) -> Found:
         columns: names of the columns.
     """
     found: Found = {}
+    silent = silent_words(elements)
     commands = [element for element in elements if element.kind == "command"]
     readings = [element for element in elements if element.kind != "command"]
     named = {name for element in elements for name in (element.name, element.target)}
     others = [column for column in columns if column not in named]
-    _assign_stated(found, commands, columns, others)
+    _assign_stated(found, commands, columns, others, silent)
     # An actuator named "knee_torque" may have that as its column, if no other column fits.
-    stating = [element for element in commands if kind_of(element.name)]
+    stating = [e for e in commands if kind_of(e.name, silent(e.name) | _own_silent(e))]
     _assign(found, [((), e, (e.name,)) for e in stating if e.name in columns])
-    _assign_stated(found, readings, columns, others)
+    _assign_stated(found, readings, columns, others, silent)
     kinds = {element.kind for element in found}
     readings_first = "command" in kinds or ("force" in kinds and "position" not in kinds)
     for some in (readings, commands) if readings_first else (commands, readings):
-        _assign(found, _unstated_pairs(some, columns))
-    _pair_last(found, elements, columns)
+        _assign(found, _unstated_pairs(some, columns, silent))
+    _pair_last(found, elements, columns, silent)
     return found
 
 
 def named_share(element: Element, column: str) -> float:
     """Return the fraction of an element's words in a column's name; 0 if these are only numbers.
 
-    The words are those of the element's name or those of its target, whichever share is larger.
-    A column that was assigned by its number or by its order has 0.
+    The words are those of the element's name, of its target or of what its actuator moves,
+    whichever share is the largest. A column that was assigned by its number or by its order has 0.
     """
-    words = set(words_of(column))
-    shares = [0.0]
-    for identity in (_identity(element.name), _identity(element.target)):
-        shared = identity & words
-        if not _is_number(shared):
-            shares.append(len(shared) / len(identity))
-    return max(shares)
+    names = (element.name, element.target, element.moved)
+    return max(_share(_identity(name), column) for name in names)
+
+
+def silent_words(elements: Iterable[Element]) -> Silent:
+    """Return a function that returns the words of a column's name that state no kind.
+
+    These are `LOOSE` words of an element whose whole name is in that of the column: the "l" of
+    "l_hip" states no length where a joint has that name.
+    """
+    names = {pair for e in elements for pair in _silent_names(e) if pair[1] and len(pair[0]) > 1}
+
+    @cache
+    def silent(column: str) -> frozenset[str]:
+        words = frozenset(words_of(column))
+        return frozenset().union(*(some for name, some in names if name <= words))
+
+    return silent
+
+
+@lru_cache(maxsize=4096)
+def _own_silent(element: Element) -> frozenset[str]:
+    """Return the `LOOSE` words in the names of an element, which state nothing on its columns."""
+    return frozenset().union(*(some for _, some in _silent_names(element)))
+
+
+@lru_cache(maxsize=4096)
+def _silent_names(element: Element) -> tuple[tuple[frozenset[str], frozenset[str]], ...]:
+    """Return the words of each name of an element, and those `LOOSE` ones that state nothing.
+
+    The "u" of an actuator "u_hip" states a command, unless the joint has it in its name, too.
+    """
+    names = (element.name, element.target, element.moved)
+    name, target, moved = (frozenset(words_of(n)) for n in names)
+    command = HINTS["command"] if element.moved else frozenset()
+    stating = command | HINTS.get(element.kind, frozenset())
+    return (
+        (name, name & LOOSE - stating),
+        (target, target & LOOSE - command),
+        (moved, moved & LOOSE),
+    )
 
 
 def _assign(found: Found, pairs: Iterable[Pair]) -> None:
@@ -109,7 +151,11 @@ def _assign(found: Found, pairs: Iterable[Pair]) -> None:
 
 
 def _assign_stated(
-    found: Found, elements: Sequence[Element], columns: Sequence[str], others: Sequence[str]
+    found: Found,
+    elements: Sequence[Element],
+    columns: Sequence[str],
+    others: Sequence[str],
+    silent: Silent,
 ) -> None:
     """Assign columns whose names state a kind.
 
@@ -121,25 +167,30 @@ def _assign_stated(
         elements: elements that need columns.
         columns: names of all columns.
         others: those that are not also the name of an element.
+        silent: words that state no kind.
     """
     words = [element for element in elements if not _is_number(_identity(_full(element)))]
-    _assign(found, _stated_pairs(words, columns))
-    _number(found, elements, others)
-    _assign(found, _stated_pairs(elements, columns))
+    _assign(found, _stated_pairs(words, columns, silent))
+    _number(found, elements, others, silent)
+    _assign(found, _stated_pairs(elements, columns, silent))
 
 
-def _stated_pairs(elements: Sequence[Element], columns: Sequence[str]) -> Iterator[Pair]:
+def _stated_pairs(
+    elements: Sequence[Element], columns: Sequence[str], silent: Silent
+) -> Iterator[Pair]:
     """Yield the pairs of an element and columns whose names state its kind."""
     for i, element in enumerate(elements):
         for j, (label, group) in enumerate(_groups(columns, element.count)):
-            if not _states(element, label):
+            if not _states(element, label, silent):
                 continue
             similarity = _similarity(element, label) + 0.5
             if similarity >= _THRESHOLD:
                 yield (similarity, -i, -j), element, group
 
 
-def _unstated_pairs(elements: Sequence[Element], columns: Sequence[str]) -> Iterator[Pair]:
+def _unstated_pairs(
+    elements: Sequence[Element], columns: Sequence[str], silent: Silent
+) -> Iterator[Pair]:
     """Yield the pairs of an element and columns that state no kind, positions before others.
 
     Such a column is no force and no rate, unless the user's model has a sensor with that name.
@@ -148,15 +199,18 @@ def _unstated_pairs(elements: Sequence[Element], columns: Sequence[str]) -> Iter
         if _is_further(element):
             continue
         for j, (label, group) in enumerate(_groups(columns, element.count)):
-            if _states(element, label) is not False:
+            if _states(element, label, silent) is not False:
                 continue
             similarity = _similarity(element, label)
-            exact, position = label == element.name, element.kind == "position"
+            exact = 1.0 * (label == element.name) or 0.5 * (label == element.target)
+            position = element.kind == "position"
             if similarity >= _THRESHOLD:
                 yield (exact, position, similarity, -i, -j), element, group
 
 
-def _number(found: Found, elements: Sequence[Element], columns: Sequence[str]) -> None:
+def _number(
+    found: Found, elements: Sequence[Element], columns: Sequence[str], silent: Silent
+) -> None:
     """Pair elements of a kind in their order with columns such as action.0, action.1, ...
 
     Of several lists of columns that fit, one is taken if it is the only one that was `MEASURED`.
@@ -171,7 +225,7 @@ def _number(found: Found, elements: Sequence[Element], columns: Sequence[str]) -
                 (i, base)
                 for i, some in enumerate(left)
                 for base, numbered in lists.items()
-                if 0 < len(some) == len(numbered) and all(_states(e, base) for e in some)
+                if 0 < len(some) == len(numbered) and all(_states(e, base, silent) for e in some)
             ]
             for i, base in pairs:
                 alike = [pair for pair in pairs if pair[0] == i or pair[1] == base]
@@ -226,14 +280,18 @@ def _lists(columns: Sequence[str]) -> dict[str, list[str]]:
     return {base: [column for _, column in sorted(numbers)] for base, numbers in lists.items()}
 
 
-def _pair_last(found: Found, elements: Sequence[Element], columns: Sequence[str]) -> None:
-    """Pair the last element of a kind with the last column of that kind."""
+def _pair_last(
+    found: Found, elements: Sequence[Element], columns: Sequence[str], silent: Silent
+) -> None:
+    """Pair the last element of a kind with the last column that states its kind."""
     for kind in HINTS:
         used = {column for group in found.values() for column in group}
         left = [e for e in elements if e.kind == kind and e.count == 1 and e not in found]
         left = [e for e in left if not e.added] or left
-        stated = [c for c in columns if c not in used and kind_of(c) == kind]
-        if not (len(left) == len(stated) == 1 and _states(left[0], stated[0])):
+        if len(left) != 1:
+            continue
+        stated = [c for c in columns if c not in used and _states(left[0], c, silent)]
+        if len(stated) != 1:
             continue
         if not _is_further(left[0]) or ALL_HINTS.issuperset(words_of(stated[0])):
             found[left[0]] = (stated[0],)
@@ -269,27 +327,38 @@ def _similarity(element: Element, column: str) -> float:
     both = identity & set(words_of(column))
     only_number = _is_number(both) and not _is_number(identity)
     shared = len(both) / len(identity) if both and not only_number else 0.0
+    # What the element belongs to may be in a name instead, but its own name is worth more.
+    for weight, name in ((0.8, element.target), (0.6, element.moved)):
+        other = _share(_identity(name), column)
+        shared = max(shared, weight * other + (1.0 - weight) * shared)
     alike = SequenceMatcher(None, element.name.lower(), column.lower()).ratio()
     return 2.0 * shared + alike
 
 
-def _states(element: Element, column: str) -> bool | None:
+def _states(element: Element, column: str, silent: Silent) -> bool | None:
     """Return whether a column's name states the kind of an element; None if it states another.
 
     Words that the element has in its own name state no other kind.
     """
-    words = words_of(column)
-    foreign = [word for word in words if word not in words_of(element.name)]
+    no_words = silent(column) | _own_silent(element)
+    own_words = no_words.union(words_of(element.name))
+    foreign = [word for word in words_of(column) if word not in own_words]
     if element.kind == "command":
         quantity = quantity_of_words(foreign, loose=False)
         if quantity and element.quantity and quantity != element.quantity:
             return None
     if not element.kind:
         return None if kind_of_words(foreign, loose=False) else False
-    if kind_of(column) == element.kind:
+    if kind_of(column, no_words) == element.kind:
         return True
     own = ending_of(column) == ending_of(element.name)
     return None if kind_of_words(foreign) or (not own and kind_of_unit(column)) else False
+
+
+def _share(identity: set[str], column: str) -> float:
+    """Return the fraction of words that a column's name has; 0 if it has only numbers of them."""
+    shared = identity.intersection(words_of(column))
+    return 0.0 if _is_number(shared) else len(shared) / len(identity)
 
 
 def _full(element: Element) -> str:

@@ -62,9 +62,15 @@ ALL_HINTS = frozenset().union(*HINTS.values())
 
 
 @lru_cache(maxsize=4096)
-def kind_of(column: str) -> str:
-    """Return the kind of quantity that a column's name states, as in `HINTS`; empty if none."""
-    return kind_of_words(words_of(column)) or kind_of_unit(column)
+def kind_of(column: str, silent: frozenset[str] = frozenset()) -> str:
+    """Return the kind of quantity that a column's name states, as in `HINTS`; empty if none.
+
+    Args:
+        column: name of the column.
+        silent: words that state nothing.
+    """
+    words = [word for word in words_of(column) if word not in silent]
+    return kind_of_words(words) or kind_of_unit(column)
 
 
 def guess_time(columns: Iterable[str]) -> str | None:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.errors import StudyError
-from reality_gap.io.column_assignment import assign_columns, note_doubts, undriven
+from reality_gap.io.column_assignment import Assignment, assign_columns, note_doubts, undriven
 from reality_gap.io.column_guesses import Element
 from reality_gap.io.column_names import guess_time_unit, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
@@ -59,6 +59,7 @@ def draft_study(
     note: Note = lambda sentence: None,
     recordings: Mapping[str, str] | None = None,
     added: Collection[str] = (),
+    assignment: Assignment | None = None,
 ) -> str:
     """Draft the text of a STUDY.yaml.
 
@@ -74,6 +75,7 @@ def draft_study(
         note: called with a sentence on what was guessed by size or left out.
         recordings: name of the recording that a log is a part of, by the file name of the log.
         added: names of sensors that the user's model lacks.
+        assignment: columns of the model's elements; by default they are assigned by their names.
 
     Returns:
         The text of the file.
@@ -88,7 +90,7 @@ def draft_study(
     if not logs:
         raise StudyError("a study needs at least one log")
     columns = tuple(dict.fromkeys(c for log in logs for c in log.columns if c))
-    assignment = assign_columns(model, columns, added)
+    assignment = assignment or assign_columns(model, columns, added)
     note_doubts(assignment, note)
     if not model.nu and (sentence := undriven(simple_joints(model), columns)):
         note(sentence)

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mujoco import MjModel
 
+from reality_gap import first_study
 from reality_gap.errors import StudyError
 from reality_gap.first_study import DRAFT, correct_columns, write_first_study
+from reality_gap.io import template
+from reality_gap.io.column_assignment import Assignment, assign_columns
 from reality_gap.study.data import Study
 from reality_gap.types import Floats
 from tests.reality_gap.arm_logs import HEADER, motion, table, write_arm
 
+ADDED = [
+    f"{joint}_{word}"
+    for word in ("position", "velocity", "force")
+    for joint in ("shoulder_pan", "elbow_flex")
+]
+"""Sensors that the arm lacks."""
 Change = Callable[[Floats], Floats]
 
 
@@ -174,6 +184,29 @@ def test_efforts_without_commands_need_no_actuators(model: Path, tmp_path: Path)
     assert "<actuator>" not in (tmp_path / "study" / "model.xml").read_text()
     assert "\nefforts:\n" in path.read_text()
     assert any("the logs have no commands" in note for note in notes)
+
+
+def test_columns_are_assigned_once(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The study is the same as if its model and its runs were assigned anew."""
+    calls: list[Sequence[str]] = []
+
+    def counted(model: MjModel, columns: Sequence[str], added: Collection[str]) -> Assignment:
+        calls.append(columns)
+        return assign_columns(model, columns, added)
+
+    monkeypatch.setattr(first_study, "assign_columns", counted)
+    monkeypatch.setattr(template, "assign_columns", counted)
+    time, command, angles = motion()
+    header = HEADER.replace("time", "timestamp_s") + ",clock"
+    log = table(tmp_path / "log.csv", header, time, *command.T, *angles.T, time)
+    path = write_first_study(model, [log], tmp_path / "study", print)
+    assert calls == [("time", "timestamp_s", *HEADER.split(",")[1:])]
+    drafted_text = template.draft_study(
+        path.parent / "model.xml", [path.parent / "log.csv"], name="arm", added=ADDED
+    )
+    assert path.read_text() == drafted_text
 
 
 def test_a_log_without_time_or_command_is_refused(model: Path, tmp_path: Path) -> None:

@@ -291,3 +291,99 @@ def test_commands_of_a_model_without_actuators() -> None:
     assert "action.0, action.1" in undriven(JOINTS, ["time", *positions, "action.0", "action.1"])
     assert undriven(JOINTS, ["time", *positions, "control_mode"]) == ""
     assert undriven(JOINTS, ["time", *positions, *JOINTS]) == ""
+
+
+def joints_with(actuators: dict[str, str]) -> str:
+    """Return a model with servos of the position of some joints, by the names of the servos."""
+    bodies = "".join(
+        f'<body><joint name="{joint}" axis="0 1 0"/><geom size=".1"/></body>'
+        for joint in actuators.values()
+    )
+    drives = "".join(
+        f'<position name="{name}" joint="{joint}"/>' for name, joint in actuators.items()
+    )
+    return f"<mujoco><worldbody>{bodies}</worldbody><actuator>{drives}</actuator></mujoco>"
+
+
+LETTERS = [("l_hip", "r_hip"), ("f_l", "f_r", "h_l", "h_r"), ("u_arm", "l_arm"), ("hip_q", "hip_p")]
+
+
+@pytest.mark.parametrize("joints", LETTERS, ids=" ".join)
+def test_letters_in_the_names_of_joints_state_nothing(joints: Sequence[str]) -> None:
+    """The "l" of "l_hip" is no length, and the "f" of "f_r" no force."""
+    xml = joints_with({joint: joint for joint in joints})
+    for columns in orders(["time", *joints]):
+        assert single(assigned(xml, columns)) == {joint: joint for joint in joints}
+    for command, position in (("{}_cmd", "{}"), ("{}", "{}_pos"), ("cmd_{}", "{}_deg")):
+        expected = {joint: command.format(joint) for joint in joints}
+        expected |= {f"{joint}_position": position.format(joint) for joint in joints}
+        for columns in orders(["time", *expected.values()]):
+            found = assigned(xml, columns)
+            assert single(found) == expected
+            assert not found.free
+    for columns in orders([f"{joint}_pos" for joint in joints]):
+        assert assigned(xml, ["time", *columns]).commands == ()
+
+
+def test_a_letter_that_the_joint_lacks_states_the_kind() -> None:
+    xml = joints_with({"u_hip": "hip", "u_knee": "knee"})
+    expected = {"u_hip": "u_hip", "u_knee": "u_knee"}
+    forces = {f"{name}_force": name.replace("u_", "f_") for name in expected}
+    for columns in orders(["time", *expected.values(), *forces.values()]):
+        assert single(assigned(xml, columns)) == expected | forces
+
+
+def test_the_last_command_is_the_one_that_the_actuator_takes() -> None:
+    xml = joints_with({"drive": "hinge"})
+    for columns in orders(["time", "desired_velocity", "desired_position"]):
+        found = assigned(xml, columns)
+        assert found.commands == ("desired_position",)
+        assert found.free == ("desired_velocity",)
+
+
+def test_columns_are_named_like_the_joints_that_actuators_move() -> None:
+    joints = ("hip", "knee")
+    expected = {"m2": "hip_cmd", "m1": "knee_cmd"}
+    expected |= {f"{joint}_position": f"{joint}_pos" for joint in joints}
+    expected |= {"m2_force": "hip_torque", "m1_force": "knee_torque"}
+    xml = joints_with({"m2": "hip", "m1": "knee"})
+    for columns in orders(["time", *expected.values()]):
+        assert single(assigned(xml, columns)) == expected
+    assert noted(xml, ["time", *expected.values()]) == []
+
+
+@pytest.mark.parametrize("names", ["{}_motor", "a_{}", "act_{}"])
+def test_actuators_named_after_their_joints_are_no_doubt(names: str) -> None:
+    xml = joints_with({names.format(joint): joint for joint in ("hip", "knee")})
+    columns = ["time", *(f"{joint}_{word}" for joint in ("hip", "knee") for word in ("cmd", "pos"))]
+    found = single(assigned(xml, columns))
+    assert found[names.format("knee")] == "knee_cmd"
+    assert noted(xml, columns) == []
+
+
+def test_the_name_of_an_actuator_comes_before_that_of_its_joint() -> None:
+    xml = joints_with({"hip_extensor": "hip"}).replace(
+        "</actuator>", '<position name="hip_flexor" joint="hip"/></actuator>'
+    )
+    for columns in orders(["time", "hip_flexor_cmd", "hip_extensor_cmd"]):
+        found = single(assigned(xml, columns))
+        assert found == {name: f"{name}_cmd" for name in ("hip_flexor", "hip_extensor")}
+    xml = xml.replace("hip_", "")
+    [doubt] = noted(xml, ["time", "hip_cmd", "flexor_cmd"])
+    assert doubt.endswith("only, columns were assigned: hip_cmd to extensor")
+
+
+def test_a_tension_is_named_like_the_tendon_of_its_actuator() -> None:
+    xml = CABLES.format(sensors="").replace('<position name="w2" tendon="c2"/>', "")
+    found = single(assigned(xml, ["time", "w1_cmd", "c1_tension"]))
+    assert found == {"w1": "w1_cmd", "w1_force": "c1_tension"}
+    own = '<sensor><tendonactuatorfrc name="pull_a" tendon="c1"/></sensor>'
+    found = single(assigned(xml.replace("</mujoco>", own + "</mujoco>"), ["time", "c1_tension"]))
+    assert found == {"pull_a": "c1_tension"}
+
+
+def test_commands_without_actuators_are_listed_in_their_order() -> None:
+    sentence = undriven(["hip", "knee"], ["time", "hip_pos", "hip_cmd", "knee_cmd"])
+    assert "but hip_cmd, knee_cmd seem" in sentence
+    assert '<position joint="hip"' in sentence
+    assert undriven(["u_arm", "l_arm"], ["time", "u_arm", "l_arm", "u_arm_pos"]) == ""
