@@ -56,12 +56,11 @@ def search_outcome(
     named = verdict.has_names
     result = paying.result if named else replace(paying.result, best=paying.attempt)
     problem, best = result.problem, result.best
-    study, measured, replayer = problem.system.study, problem.measured, problem.replayer
-    null = replayer.without_expansion([], problem.null_residual)
-    after = replayer.without_expansion(best.hypothesis, best.residual)
+    study, measured = problem.system.study, problem.measured
+    without = problem.replayer.without_expansion
+    null, after = without([], problem.null_residual), without(best.hypothesis, best.residual)
     tried = score(study, measured, null, after)
-    tested = paying.tested if named else paying.attempted
-    shown = best.is_null or tested.total.is_shown
+    shown = best.is_null or (paying.tested if named else paying.attempted).total.is_shown
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
     doubts: list[tuple[Doubt, ...]] = [(Doubt(UNKNOWN, doubt or 0.0),)] * len(found)
     if verdict is Verdict.PARTLY_NAMED:
@@ -70,33 +69,29 @@ def search_outcome(
     scored = tried if named else score(study, measured, null, null)
     use = (split(measured) == REPORT) | (not shown)
     unexplained = (tried if shown else score(study, measured, null, after, use)).unexplained
-    explainable = max(1.0 - unexplained, _explainable(problem, best.residual, remainder, use))
     if verdict is Verdict.NOTHING_WRONG:
         unexplained = _left_by_tolerances(scored, remainder)
-        explainable = max(explainable, 1.0 - unexplained)
-    # The report split says nothing of an event between two of its blocks.
+    explainable = _explainable(problem, best.residual, remainder, use)
     causes = _named_causes(paying, fitted, doubts) if named else ()
+    # The report split says nothing of an event between two of its blocks.
     steps = _waterfall(paying, causes, scored) if named and shown else ()
-    shares = steps[1:] or (None,) * len(causes)
     return Outcome(
         verdict=verdict,
         hypothesis=best.hypothesis if named else [],
         residual=after if named else null,
         score=scored,
-        causes=tuple(replace(c, share=s) for c, s in zip(causes, shares, strict=True)),
+        causes=_with_shares(causes, steps),
         fitted_candidates=_fitted_candidates(problem, fitted),
         gain=scored.gain if tried.improvement.low > 0.0 or not named else None,
         unexplained_fraction=unexplained,
-        explainable_fraction=explainable,
+        explainable_fraction=max(explainable, 1.0 - unexplained),
         depends_on=remainder.depends_on,
         not_judged=not_judged,
         measures=_measures(paying, remainder),
         unmodelled=doubt,
         objection=next((one.objection for one in judged if not one.met), None),
         likelihood_gain=paying.tested.total.folds if named else None,
-        next_experiment=_advice(result, fitted, doubt or 0.0)
-        if named and options.suggest
-        else None,
+        next_experiment=_advice(result, fitted, doubt) if named and options.suggest else None,
         criteria=(*_search_criteria(result), *held_out_criteria(paying), *support, *judged),
         waterfall=steps,
         rejected=_rejected(paying, judged, named),
@@ -107,6 +102,13 @@ def search_outcome(
 def _waterfall(paying: Paying, causes: Sequence[NamedCause], scored: Score) -> tuple[Share, ...]:
     order = [cause.candidate for cause in causes]
     return waterfall(paying.result, paying.tested, order, scored.before, scored.floor)
+
+
+def _with_shares(causes: Sequence[NamedCause], steps: Sequence[Share]) -> tuple[NamedCause, ...]:
+    """Return causes with their steps of the waterfall, if there is one; the first is no cause's."""
+    if not steps:
+        return tuple(causes)
+    return tuple(replace(one, share=step) for one, step in zip(causes, steps[1:], strict=True))
 
 
 def _rejected(paying: Paying, judged: Sequence[Criterion], named: bool) -> tuple[Rejected, ...]:
@@ -139,8 +141,10 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
     return unmodelled(named, instead)
 
 
-def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:
-    return next_experiment(result.problem, fitted, result.sensitivities, doubt)
+def _advice(
+    result: Search, fitted: Sequence[Alternatives], doubt: float | None
+) -> Experiment | None:
+    return next_experiment(result.problem, fitted, result.sensitivities, doubt or 0.0)
 
 
 def _named_causes(
