@@ -12,7 +12,7 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.io.plausibility import scale_warnings
 from reality_gap.io.validation import actuator_names
 from reality_gap.simulation.expectation import implausible_channels
-from reality_gap.simulation.inverse_dynamics import left_out
+from reality_gap.simulation.inverse_dynamics import ensure_prepared, left_out
 from reality_gap.simulation.replay_warnings import replay_warnings
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
@@ -40,6 +40,7 @@ NEEDS_MOTION = ("coulomb_friction", "viscous_friction", "direction_dependent_fri
 
 def check_study(study: Study) -> tuple[str, ...]:
     """Return warnings to consider before a diagnosis; empty if nothing is suspicious."""
+    prepared = ensure_prepared(study)
     return (
         *(warning.sentence for warning in scale_warnings(study)),
         *_clocks(study),
@@ -50,9 +51,9 @@ def check_study(study: Study) -> tuple[str, ...]:
         *_quiet(study),
         *_beginnings(study),
         *_beyond_stops(study),
-        *_left_out_efforts(study),
+        *_left_out_efforts(study, prepared),
         *implausible_channels(study),
-        *replay_warnings(study),
+        *replay_warnings(prepared),
     )
 
 
@@ -247,11 +248,11 @@ def _quiet(study: Study) -> list[str]:
     ]
 
 
-def _left_out_efforts(study: Study) -> list[str]:
+def _left_out_efforts(study: Study, prepared: Study) -> list[str]:
     """Warn of efforts that are not compared."""
     return [
         f"the {name} is not compared, because its joint hardly moves"
-        for name in (left_out(study) if study.inverse else [])
+        for name in left_out(study, prepared)
     ]
 
 

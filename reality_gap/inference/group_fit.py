@@ -189,7 +189,7 @@ def _name(group: Group, found: StaticFit, evidence: float) -> NamedCause:
                     values[p.name], max(low, p.low), min(high, p.high), p.unit
                 )
     confidence = _confidence(evidence)
-    doubts = (Doubt(WITHOUT, 1.0 - confidence),)
+    doubts = (Doubt(WITHOUT, 1.0 - confidence),) if confidence < 1.0 else ()
     return NamedCause(group.merged(), parameters, confidence, (), doubts=doubts)
 
 

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reality_gap.inference.event_times import times_of
+from reality_gap.causes.base import Parameter
 from reality_gap.inference.gauss_newton import Fit, Objective, Point, rescore, run_together
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.theta import to_theta
+from reality_gap.inference.theta import begin_and_duration, to_theta
 from reality_gap.inference.whitening import whitening
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.study.data import Study
@@ -33,45 +33,46 @@ def with_hidden_edges(problem: Problem, fitted: Fit) -> Fit:
 
     Args:
         problem: what is explained; in studies of commands, nothing changes.
-        fitted: causes. Of an event in a study of efforts, an edge within a block of the report
-            split is moved within that block.
+        fitted: causes. Of an event that happens once in a study of efforts, an edge within a block
+            of the report split is moved within that block.
     """
-    events = [i for i in range(len(fitted.hypothesis)) if _begin_and_end(fitted.hypothesis, i)]
-    if not events or not problem.system.study.inverse:
+    if not problem.system.study.inverse:
         return fitted
-    for i in events:
+    for i, (candidate, _) in enumerate(fitted.hypothesis):
+        times = begin_and_duration(candidate)
+        if times is None or candidate.location.note:  # others have edges in several blocks
+            continue
         for at_end in (False, True):
-            fitted = _best(problem, fitted, _trials(problem, fitted.hypothesis, i, at_end))
+            fitted = _best(problem, fitted, _trials(problem, fitted.hypothesis, i, times, at_end))
     return fitted
 
 
-def _trials(problem: Problem, hypothesis: Hypothesis, i: int, at_end: bool) -> list[Hypothesis]:
-    """Return a hypothesis with one edge of the event ``i`` elsewhere in its block, if hidden."""
-    if not (times := _begin_and_end(hypothesis, i)):
-        return []
-    begin, end = times
-    moved = _hidden(problem.system.study, end if at_end else begin)
-    pairs = [(begin, t) if at_end else (t, end) for t in moved]
-    return [_with_times(hypothesis, i, *pair) for pair in pairs if pair[0] < pair[1]]
+def _trials(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    i: int,
+    times: tuple[Parameter, Parameter],
+    at_end: bool,
+) -> list[Hypothesis]:
+    """Return a hypothesis with one edge of an event elsewhere in its block, if that is hidden.
 
-
-def _begin_and_end(hypothesis: Hypothesis, i: int) -> tuple[float, float] | None:
-    """Return the times in the study of a cause that is an event with a duration [s]."""
+    Args:
+        problem: what is explained.
+        hypothesis: causes with their values.
+        i: index of the event.
+        times: its begin and its duration.
+        at_end: whether the edge is the end of the event.
+    """
+    begin, duration = times
     candidate, values = hypothesis[i]
-    times = times_of(candidate)
-    if len(times) != 2 or candidate.location.note:
-        return None
-    begin, duration = (values[name] for name in times)
-    return begin, begin + duration
-
-
-def _with_times(hypothesis: Hypothesis, i: int, begin: float, end: float) -> Hypothesis:
-    """Return a hypothesis whose event ``i`` has other times [s]."""
-    candidate, values = hypothesis[i]
-    first, duration = (candidate.parameter(name) for name in times_of(candidate))
-    length = min(max(end - begin, duration.low), duration.high)
-    moved = {first.name: min(max(begin, first.low), first.high), duration.name: length}
-    return [*hypothesis[:i], (candidate, {**values, **moved}), *hypothesis[i + 1 :]]
+    start, end = values[begin.name], values[begin.name] + values[duration.name]
+    moved = _hidden(problem.system.study, end if at_end else start)
+    found = list[Hypothesis]()
+    for first, last in ((start, t) if at_end else (t, end) for t in moved):
+        length = min(max(last - first, duration.low), duration.high)
+        edges = {begin.name: min(max(first, begin.low), begin.high), duration.name: length}
+        found.append([*hypothesis[:i], (candidate, {**values, **edges}), *hypothesis[i + 1 :]])
+    return found
 
 
 def _hidden(study: Study, time: float) -> list[float]:

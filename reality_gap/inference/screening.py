@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints
 from reality_gap.inference.checkpoint import Checkpoint, Columns
 from reality_gap.inference.repetition import repeating_periods
-from reality_gap.inference.theta import is_time, theta_bounds
+from reality_gap.inference.theta import begin_and_duration, theta_bounds
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
@@ -141,38 +141,28 @@ def _longer_events(found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:
     Args:
         found: of events at all starts, and of other candidates.
     """
-    events = dict[tuple[str, Location], dict[float, Sensitivity]]()
+    events = dict[tuple[str, Location], list[Sensitivity]]()
     for one in found:
-        if times := _begin_and_duration(one.candidate):
-            key = one.candidate.cause.id, one.candidate.location
-            events.setdefault(key, {})[one.fixed[times[0].name]] = one
-    rows = [row for short in events.values() for row in _rows(short)]
-    size = sum(row[0].columns.nbytes for row in rows)
-    for first, *others in rows[:: 1 + int(size / MEMORY)]:
-        _, duration = _begin_and_duration(first.candidate)
-        fixed = first.fixed | {duration.name: (1 + len(others)) * first.fixed[duration.name]}
-        columns = np.sum([one.columns for one in (first, *others)], axis=0)
-        yield replace(first, fixed=fixed, columns=columns)
+        if begin_and_duration(one.candidate):
+            events.setdefault((one.candidate.cause.id, one.candidate.location), []).append(one)
+    longer = [pair for short in events.values() for pair in _rows(short)]
+    size = sum(row[0].columns.nbytes for row, _ in longer)
+    for row, duration in longer[:: 1 + int(size / MEMORY)]:
+        fixed = row[0].fixed | {duration: len(row) * row[0].fixed[duration]}
+        yield replace(row[0], fixed=fixed, columns=np.sum([one.columns for one in row], axis=0))
 
 
-def _rows(short: dict[float, Sensitivity]) -> Iterator[list[Sensitivity]]:
-    """Yield short events in a row, by their start, that make a longer one."""
-    candidate = next(iter(short.values())).candidate
-    starts = _begin_and_duration(candidate)[0].hints.starts
+def _rows(events: Sequence[Sensitivity]) -> Iterator[tuple[list[Sensitivity], str]]:
+    """Yield short events in a row that make a longer one, and the name of their duration."""
+    times = begin_and_duration(events[0].candidate)
+    assert times is not None
+    begin, duration = times
+    short, starts = {one.fixed[begin.name]: one for one in events}, begin.hints.starts
     for count in LONGER:
         for i in range(0, len(starts) - count + 1, max(1, count // 4)):
             row = [short[start] for start in starts[i : i + count] if start in short]
             if len(row) == count:
-                yield row
-
-
-def _begin_and_duration(candidate: Candidate) -> tuple[Parameter, ...]:
-    """Return the times of an event that has both and does not repeat; none for others."""
-    times = tuple(p for p in candidate.parameters if is_time(p))
-    if len(times) != 2 or any(p.hints.period for p in times):
-        return ()
-    first, last = times
-    return times if len(first.hints.starts) > 1 and last.low > 0.0 else ()
+                yield row, duration.name
 
 
 class _Trial(NamedTuple):

@@ -29,6 +29,15 @@ def is_time(parameter: Parameter) -> bool:
     return bool(parameter.hints.starts) and parameter.unit == "s"
 
 
+def begin_and_duration(candidate: Candidate) -> tuple[Parameter, Parameter] | None:
+    """Return the times of an event that begins once and lasts for some time; None for others."""
+    times = [p for p in candidate.parameters if is_time(p)]
+    if len(times) != 2 or any(p.hints.period for p in times):
+        return None
+    begin, duration = times
+    return (begin, duration) if len(begin.hints.starts) > 1 and duration.low > 0.0 else None
+
+
 def to_theta(hypothesis: Hypothesis) -> Floats:
     """Return theta of a hypothesis, shape (p,)."""
     found = free_parameters(hypothesis)

@@ -171,13 +171,14 @@ def _noise(
     return np.asarray(np.sqrt(effort_noise**2 * white / count + computed))
 
 
-def left_out(study: Study) -> list[str]:
+def left_out(study: Study, prepared: Study) -> list[str]:
     """Return the names of the efforts that `prepare` leaves out, because their joints stand still.
 
     Args:
         study: a study that is not prepared.
+        prepared: the same, prepared.
     """
-    compared = {channel.name for channel in ensure_prepared(study).channels}
+    compared = {channel.name for channel in prepared.channels}
     efforts = [channel.name for channel in study.channels if channel.kind == "effort"]
     return [name for name in efforts if name not in compared]
 

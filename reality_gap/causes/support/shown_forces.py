@@ -108,15 +108,18 @@ def _motions(system: System, actuator: int, joint: int) -> Iterator[tuple[Floats
             continue
         for episode in study.episodes:
             if episode.command.shape[1] > at and c < len(episode.readings):
-                reading = _averaged(episode.readings[c])
+                reading = spaced(episode.readings[c])
                 # A control loop reads first and then commands.
                 row = np.maximum(np.searchsorted(episode.time, reading.time) - 1, 0)
                 if len(reading.time) > 1:
                     yield episode.command[row, at], reading
 
 
-def _averaged(reading: Reading) -> Reading:
-    """Return every so many values of a reading that noise is little of the speeds between them."""
+def spaced(reading: Reading) -> Reading:
+    """Return the readings of a position about `SPEED_PERIOD` apart.
+
+    Noise is a small part of the velocities between these.
+    """
     if len(reading.time) < 2:
         return reading
     period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, machine_size
-from reality_gap.causes.support.shown_forces import SPEED_PERIOD, typical_loads
+from reality_gap.causes.support.shown_forces import spaced, typical_loads
 from reality_gap.study.data import Channel, JointUse, Reading
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -120,12 +120,10 @@ def joint_speed(system: System, location: Location) -> float:
 
 def _speed(readings: list[Reading]) -> float:
     """Return the RMS of the velocity of a position in several episodes; 0 without readings."""
-    squares = list[float]()
-    for reading in readings:
-        period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)
-        stride = max(1, round(SPEED_PERIOD / period))
-        time, value = reading.time[::stride], reading.value[::stride]
-        squares.append(float(np.mean((np.diff(value) / np.diff(time)) ** 2)))
+    squares = [
+        float(np.mean((np.diff(one.value) / np.diff(one.time)) ** 2))
+        for one in map(spaced, readings)
+    ]
     return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 

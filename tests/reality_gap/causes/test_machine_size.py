@@ -14,6 +14,7 @@ from reality_gap.causes.support import machine_size
 from reality_gap.causes.support.typical_scales import joint_force, joint_uses, tendon_force
 from reality_gap.study.data import Channel, Episode, Reading
 from reality_gap.study.system import System, compile_system
+from reality_gap.types import Floats
 from tests.reality_gap.causes.plants import system_of
 
 ARM = """
@@ -165,15 +166,26 @@ def test_a_command_that_is_no_force_is_no_scale(tmp_path: Path, motor: str) -> N
     assert friction(with_log(system, 1.0, None, 0.0)) == friction(system)
 
 
+def servo_log(
+    folder: Path, attributes: str, time: Floats, command: Floats, value: Floats
+) -> System:
+    """A light link with a servo, and a log of its commands and positions (k,)."""
+    servo = f'<position name="motor" joint="shoulder" {attributes}/>'
+    text = arm(folder, 0.06, 0.02, servo).study.model.read_text()
+    path = folder / "servo.xml"
+    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
+    study, channels = system_of(path).study, (Channel("q", "q", noise=1e-4),)
+    episode = Episode("log", time, command[:, None], (Reading(time, value),))
+    return compile_system(replace(study, channels=channels, episodes=(episode,)))
+
+
 @pytest.mark.parametrize("filtered", ["", 'timeconst="0.01"'])
 def test_the_distance_of_a_servo_from_its_command_is_a_force(tmp_path: Path, filtered: str) -> None:
     """It holds a load of 0.8 N m, 0.4 rad from its command; gravity on the link is 0.006 N m."""
-    servo = f'<position name="motor" joint="shoulder" kp="1" gear="2" kv="0.1" {filtered}/>'
-    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
-    path = tmp_path / "servo.xml"
-    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
+    time = np.linspace(0.0, 1.0, 11)
+    attributes = f'kp="1" gear="2" kv="0.1" {filtered}'
 
-    found = friction(with_log(system_of(path), 1.0, Channel("q", "q", noise=1e-4), 0.3))
+    found = friction(servo_log(tmp_path, attributes, time, np.ones(11), np.full(11, 0.3)))
 
     assert found.scale == pytest.approx(0.02 * 2.0 * (1.0 - 2.0 * 0.3), rel=1e-6)
     assert found.high > 2.0 * 0.8
@@ -181,40 +193,35 @@ def test_the_distance_of_a_servo_from_its_command_is_a_force(tmp_path: Path, fil
 
 def test_what_a_servo_cannot_reach_and_noise_of_its_speed_are_no_force(tmp_path: Path) -> None:
     """Commands are limited to 0.5 rad, and the speed of a joint that rests is noise."""
-    servo = '<position name="motor" joint="shoulder" kp="1" kv="5" ctrlrange="-0.5 0.5"/>'
-    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
-    path = tmp_path / "servo.xml"
-    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
-    system, time = system_of(path), np.arange(0.0, 2.0, 0.001)
+    time = np.arange(0.0, 2.0, 0.001)
     value = 0.1 + 1e-4 * np.random.default_rng(0).standard_normal(len(time))
-    command = np.where(time < 1.0, 30.0, -30.0)[:, None]
-    episode = Episode("log", time, command, (Reading(time, value),))
-    channels = (Channel("q", "q", noise=1e-4),)
-    found = friction(compile_system(replace(system.study, channels=channels, episodes=(episode,))))
+    command = np.where(time < 1.0, 30.0, -30.0)
+
+    found = friction(
+        servo_log(tmp_path, 'kp="1" kv="5" ctrlrange="-0.5 0.5"', time, command, value)
+    )
+
     assert found.scale == pytest.approx(0.02 * np.sqrt(0.5 * (0.4**2 + 0.6**2)), rel=0.02)
 
 
 def test_a_reading_at_a_command_belongs_to_the_command_before(tmp_path: Path) -> None:
-    servo = '<position name="motor" joint="shoulder" kp="100" kv="0"/>'
-    text = arm(tmp_path, 0.06, 0.02, servo).study.model.read_text()
-    path = tmp_path / "servo.xml"
-    path.write_text(text.replace("<sensor>", '<sensor><jointpos name="q" joint="shoulder"/>'))
-    system, time = system_of(path), np.arange(0.0, 2.0, 0.05)
+    time = np.arange(0.0, 2.0, 0.05)
     command = 0.5 * np.sin(3.0 * time)
     value = np.concatenate([command[:1], command[:-1]]) - 0.005  # it follows within a period
-    episode = Episode("log", time, command[:, None], (Reading(time, value),))
-    channels = (Channel("q", "q", noise=1e-4),)
-    found = friction(compile_system(replace(system.study, channels=channels, episodes=(episode,))))
+
+    found = friction(servo_log(tmp_path, 'kp="100" kv="0"', time, command, value))
+
     assert found.scale == pytest.approx(0.02 * 0.5, rel=0.02)
 
 
-@pytest.mark.parametrize(("motor", "most"), [(PLAIN, 20.0), (LIMITED.format(0.005), 2.0)])
-def test_friction_may_be_large_where_the_strength_of_a_motor_is_not_known(
-    tmp_path: Path, motor: str, most: float
+def test_friction_is_at_most_the_limit_of_a_motor_and_larger_where_none_is_known(
+    tmp_path: Path,
 ) -> None:
-    system = arm(tmp_path, 0.06, 0.02, motor)
-    force = joint_force(system, Location("joint", ("shoulder",)))[1]
-    assert friction(system).high == pytest.approx(most * force)
+    """A gripper that closes on a thing needs many times what its light fingers do."""
+    limited = friction(arm(tmp_path, 0.06, 0.02, LIMITED.format(0.005)))
+    assert limited.high == pytest.approx(0.005)
+    unknown = arm(tmp_path, 0.061, 0.02, PLAIN)
+    assert friction(unknown).high > 10.0 * machine_size.machine_size(unknown).gravity[0]
 
 
 def test_a_log_without_commands_shows_no_forces(tmp_path: Path) -> None:

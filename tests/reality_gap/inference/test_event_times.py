@@ -16,7 +16,7 @@ from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import screen
-from reality_gap.inference.theta import is_tolerable
+from reality_gap.inference.theta import is_tolerable, to_theta
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.simulation.synthetic import simulate_study
@@ -47,6 +47,21 @@ def found(study: Study, one: Candidate, values: dict[str, float]) -> tuple[float
         base = null_fit(problem)
         evidence = rank(problem, sensitivities, base)[0].evidence
         return evidence, polish(problem, fit_next(problem, sensitivities, base, 1), base)[0]
+
+
+def test_edges_that_were_fitted_beside_large_noise_are_searched_again(tmp_path: Path) -> None:
+    study = pushed_screw(tmp_path, 4.1, 7.3)
+    push = candidate(study, "external_force", "body", 1)
+    values = push.null_values() | {"x": 40.0, "start": 4.6, "duration": 2.2}
+    with Replayer(study) as replayer:
+        problem, base = problem_of(replayer), null_fit(problem_of(replayer))
+        theta = to_theta([(push, values)])
+        residual = replayer.residual([(push, values)])
+        rough = Fit([(push, values)], residual, np.zeros((len(residual), len(theta))), theta, 0.0)
+        [found] = polish(problem, [rescore(problem, rough)], base)
+    times = found.hypothesis[0][1]
+    assert times["start"] == pytest.approx(4.1, abs=0.05)
+    assert times["start"] + times["duration"] == pytest.approx(7.3, abs=0.05)
 
 
 def test_a_long_push_is_screened_as_several_short_ones_in_a_row(tmp_path: Path) -> None:

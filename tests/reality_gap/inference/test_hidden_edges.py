@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,14 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.forward_selection import Search, Step
 from reality_gap.inference.gauss_newton import fit
-from reality_gap.inference.hidden_edges import with_hidden_edges
+from reality_gap.inference.hidden_edges import _hidden, with_hidden_edges
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.paying import held_out_test
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.verdict import Options
 from reality_gap.pipeline import diagnose
 from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Reading
 from reality_gap.study.splits import hidden_block
 from tests.reality_gap.causes.machines import first_of_each_kind, pushed_screw
 
@@ -44,6 +46,19 @@ def test_edges_stay_within_the_log(tmp_path: Path, begin: float, end: float) -> 
         p = push.parameter(name)
         assert p.low <= moved[name] <= p.high
     assert moved["start"] + moved["duration"] <= 12.0
+
+
+def test_no_edge_is_moved_into_the_next_episode(tmp_path: Path) -> None:
+    """A block of the report split begins at 11.75 s, and the first log ends at 11.9 s."""
+    study = pushed_screw(tmp_path, 8.7, 11.85)
+    [episode] = study.episodes
+    early = episode.time < 11.9
+    readings = tuple(Reading(r.time[early], r.value[early]) for r in episode.readings)
+    cut = replace(episode, time=episode.time[early], command=episode.command[early])
+    first = replace(cut, readings=readings)
+    times = _hidden(replace(study, episodes=(first, episode)), 11.85)
+    assert times
+    assert max(times) <= first.duration
 
 
 def test_moved_edges_are_no_gain_of_another_cause(tmp_path: Path) -> None:

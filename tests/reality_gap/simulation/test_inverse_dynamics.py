@@ -239,8 +239,8 @@ def test_the_effort_of_a_joint_that_rests_is_left_out_with_a_warning(study: Stud
     rest = 1e-5 * np.random.default_rng(1).standard_normal(len(readings[1].time))
     readings[1] = replace(readings[1], value=rest)
     resting = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
-    assert left_out(study) == []
-    assert left_out(resting) == ["torque_elbow"]
+    assert left_out(study, prepare(study)) == []
+    assert left_out(resting, prepare(resting)) == ["torque_elbow"]
     prepared = prepare(resting)
     assert [channel.name for channel in prepared.channels] == ["torque_shoulder"]
     assert np.isfinite(errors(resting, Plant(study.spec(), Effects()))).all()
@@ -256,7 +256,7 @@ def test_a_joint_whose_encoder_reads_one_value_rests(study: Study) -> None:
     readings = list(episode.readings)
     readings[1] = replace(readings[1], value=np.full_like(readings[1].value, 0.3))
     resting = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
-    assert left_out(resting) == ["torque_elbow"]
+    assert left_out(resting, prepare(resting)) == ["torque_elbow"]
     assert prepare(resting).episodes[0].motion.still[:, 1].all()
 
 

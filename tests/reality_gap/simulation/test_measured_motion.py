@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.simulation.measured_motion import effort_cutoff, period_of
+from reality_gap.simulation.measured_motion import _spectra, effort_cutoff, period_of
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.types import Floats
 
@@ -55,3 +55,14 @@ def test_positions_limit_the_cutoff_where_noise_hides_them(
 
 def test_a_position_that_is_nowhere_seen_does_not_limit_the_cutoff() -> None:
     assert cutoff((200, 200), (1e3, 1e-3)) == pytest.approx(1.5 * EFFORT, rel=0.2)
+
+
+def test_a_jump_over_a_gap_is_in_no_spectrum() -> None:
+    """A slow sine that was not read for a third of its period has no high frequencies."""
+    time = np.arange(0.0, 20.0, 0.01)
+    value = np.sin(0.5 * time)
+    read = (time < 8.0) | (time > 12.0)
+    channels = Reading(time[read], value[read])
+    episode = Episode("log", time, np.zeros((len(time), 0)), (channels,))
+    frequency, [power] = _spectra([episode], 0, 512)
+    assert power[frequency > 5.0].max() < 1e-6 * power.max()
