@@ -24,6 +24,8 @@ RIDGE = 10.0
 """Strength of the ridge regression on one quantity, in readings."""
 LEAST = 0.02
 """Share of a remainder's power from which on a quantity is listed."""
+TINY = 1e-9
+"""Norm of residuals below which there are none [noise]."""
 MOST = 5
 """Largest number of quantities that are listed."""
 
@@ -44,6 +46,8 @@ class Remainder:
         of_step: RMS there of the error of the time step that extrapolation leaves [noise].
         fits: RMS on the report split of what tolerances leave of the residuals of the nominal model
             and of the hypothesis, with what their deviations cost; see `Deviations` [noise].
+        share: RMS over all readings of the residual of the hypothesis over that of the nominal
+            model, both without what tolerances explain.
     """
 
     learned: Learned
@@ -55,6 +59,7 @@ class Remainder:
     deviation: float = 0.0
     of_step: float = 0.0
     fits: tuple[float, float] = (0.0, 0.0)
+    share: float = 1.0
 
 
 def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
@@ -91,6 +96,7 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
         deviation=problem.roughness * float(np.abs(after.sizes).max(initial=0.0)),
         of_step=rms(problem.replayer.drift_error / problem.measured.noise),
         fits=(rms(before.left_with_cost), rms(after.left_with_cost)),
+        share=float(np.linalg.norm(after.left) / max(np.linalg.norm(before.left), TINY)),
     )
 
 

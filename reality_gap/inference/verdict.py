@@ -25,10 +25,11 @@ REFUTING = ("learned_instead", "report_rms", "learned_of_event")
 ABOUT = 1.1
 """Factor within which the RMS on the report split counts as equal: large tolerances explain a part
 of the error of the nominal model, too."""
-WHOLE = 0.8
+WHOLE = 0.95
 """Share of an event's evidence that may be learned without its time if the event explains all."""
 LITTLE = 0.05
-"""Share of the RMS before that an event leaves if it explains all but the form of its edges."""
+"""Share of the RMS of all readings that an event leaves if it explains all but the form of its
+edges."""
 LEARNED = "explains less than errors learned from the motion do"
 WORSE = "predicts the readings that were not used to find it worse than the model alone"
 EVENT = "is an event, although the error comes back with the motion"
@@ -216,7 +217,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
     # A hard stop that the machine touches in each episode looks like an event.
     if all(candidate.cause.event for candidate in best.candidates):
         noise = remainder.after <= ABOUT * form and learned <= 0.0
-        whole = noise or after <= LITTLE * before
+        whole = noise or remainder.share <= LITTLE
         share = max(options.by_chance, WHOLE) if whole else options.by_chance
         found.append(_at_most("learned_of_event", instead, share * named, EVENT))
     return (

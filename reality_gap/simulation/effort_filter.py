@@ -13,19 +13,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import mujoco
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, toeplitz
-from scipy.signal import butter, sosfiltfilt
 
-from reality_gap.simulation.measured_motion import EDGE, Motion, gaps_of
+from reality_gap.simulation.measured_motion import (
+    EDGE,
+    POSITION_BAND,
+    Motion,
+    gaps_of,
+    low_pass,
+    passed,
+)
 from reality_gap.study.data import Reading
 from reality_gap.types import Floats
 
-ORDER = 4
-"""Order of the low-pass filter, which passes forwards and backwards."""
 BLOCK = 200
 """Largest number of samples that are weighted together."""
 POSTURES = 50
@@ -105,17 +109,6 @@ def _derivative_powers(model: mujoco.MjModel, motions: Sequence[Motion]) -> tupl
     return tuple(total / count for total in found)
 
 
-def low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
-    """Return efforts (k, ...) without what is above a cutoff [Hz], with zero phase."""
-    return sosfiltfilt(_sections(2 * cutoff * period), effort, axis=0)
-
-
-@lru_cache
-def _sections(share: float) -> Floats:
-    """Return the sections of the filter with a cutoff, over the Nyquist frequency."""
-    return np.asarray(butter(ORDER, share, output="sos"))
-
-
 def independent_samples(motion: Motion, reading: Reading, dof: int, period: float) -> Reading:
     """Return the independent samples of a measured effort after the low-pass filter.
 
@@ -129,7 +122,9 @@ def independent_samples(motion: Motion, reading: Reading, dof: int, period: floa
         period: of the readings [s].
     """
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
-    value = low_pass(np.interp(time, reading.time, reading.value), motion.cutoff, period)
+    raw = CubicSpline(reading.time, reading.value)(time)
+    # Computed efforts are those of positions behind a filter.
+    value = low_pass(low_pass(raw, POSITION_BAND * motion.cutoff, period), motion.cutoff, period)
     edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))
     kept = np.arange(edge, len(motion.time) - edge, _stride(motion))
     kept = kept[~motion.still[kept, dof]]
@@ -154,13 +149,12 @@ def weights(motion: Motion, time: Floats, coefficients: Floats, period: float) -
     index = np.rint((time - time[:1]) / step).astype(int)
     starts = np.flatnonzero(np.diff(index, prepend=-2) != 1)
     frequency = np.linspace(0.0, min(2.0 * motion.cutoff, 0.5 / period), 4000)
-    passed = (1.0 + (frequency / motion.cutoff) ** (2 * ORDER)) ** -2.0
-    # Central differences, by which positions are differentiated, see less of quick changes.
-    squared = (np.sin(2 * np.pi * frequency * period) / period) ** 2
+    share = passed(frequency, motion.cutoff) ** 2
+    squared = (2 * np.pi * frequency) ** 2
     steep = coefficients[0] * squared + coefficients[1] * squared**2
     lags = np.cos(2 * np.pi * step * np.outer(np.arange(BLOCK), frequency))
     width = 2.0 * period * frequency[1]
-    white, rest = width * lags @ passed, width * lags @ (passed * steep)
+    white, rest = width * lags @ share, width * lags @ (share * steep)
     blocks, total = [], 0.0
     for begin, end in zip(starts, [*starts[1:], len(time)], strict=True):
         for first in range(begin, end, BLOCK):

@@ -3,11 +3,10 @@
 This is for machines in closed loop, where the controller hides a fault from the positions and the
 efforts show it. The method is that of identification with the inverse dynamic model (Gautier, Janot
 and Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013): positions are low-pass filtered
-with zero phase and differentiated by central differences; measured and computed efforts pass the
-same filter (parallel filtering); as many samples are kept as are independent after it. Noise of the
-positions becomes noise of the computed efforts. The filter makes the noise of their difference
-white, see `reality_gap.simulation.effort_filter`; its size is found by adding the same noise once
-more.
+with zero phase and differentiated; measured and computed efforts pass the same filters (parallel
+filtering); as many samples are kept as are independent after them. Noise of the positions becomes
+noise of the computed efforts. Weights make the noise of their difference white, see
+`reality_gap.simulation.effort_filter`; its size is found by adding the same noise once more.
 
 Forces of contacts are left out. They follow from how deep geoms are in each other, which measured
 positions do not show: an error of the noise, or of rounding where geoms only touch, is a force of

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from reality_gap.errors import StudyError
-from reality_gap.simulation.effort_filter import Weights, low_pass, weights
-from reality_gap.simulation.measured_motion import Motion
+from reality_gap.simulation.effort_filter import Weights, weights
+from reality_gap.simulation.measured_motion import Motion, low_pass
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.types import Floats
 
