@@ -96,7 +96,7 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
         deviation=problem.roughness * float(np.abs(after.sizes).max(initial=0.0)),
         of_step=rms(problem.replayer.drift_error / problem.measured.noise),
         fits=(rms(before.left_with_cost), rms(after.left_with_cost)),
-        share=float(np.linalg.norm(after.left) / max(np.linalg.norm(before.left), TINY)),
+        share=float(np.linalg.norm(after.left)) / max(float(np.linalg.norm(before.left)), TINY),
     )
 
 
