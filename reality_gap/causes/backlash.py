@@ -6,7 +6,8 @@ For positions ``x_k`` and a gap ``g``, the encoder reads
 
 The position within the gap at the start of a log is unknown; the operator starts in the middle. It
 also does so in the hook that acts on servos: while the machine settles, there is no backlash, so
-that hook and reading have the same state.
+that hook and reading have the same state. A servo may have another encoder than the one that is
+read, or the gap may be between the joint and that one: then it is in the reading only.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from reality_gap.causes.base import (
     SearchHints,
     Values,
 )
+from reality_gap.causes.encoder_scale import READING, has_both
 from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.encoders import Feedback
 from reality_gap.study.system import System
@@ -31,8 +33,11 @@ from reality_gap.types import Floats
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    found = elements.each_tendon(system) + elements.each_joint(system)
-    return tuple(p for p in found if encoders.is_used(*encoders.encoders(system, p)))
+    joints = elements.each_joint(system)
+    readings = [Location("joint", p.elements, READING) for p in joints if has_both(system, p)]
+    found = (*elements.each_tendon(system), *joints)
+    used = [p for p in found if encoders.is_used(*encoders.encoders(system, p))]
+    return (*used, *readings)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -59,7 +64,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             position = encoders.true_position(record, encoder)
             encoders.add_to_reading(record, encoder, played(position, half) - position)
 
-    if any(encoder.actuator for encoder in chosen):
+    if location.note != READING and any(encoder.actuator for encoder in chosen):
         effects.add_hook(make)
     effects.readings.append(read)
 

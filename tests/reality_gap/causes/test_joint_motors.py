@@ -193,7 +193,9 @@ def test_a_compensation_of_the_model_may_be_absent(systems: dict[str, System]) -
     assert without.low == 0.0
 
 
-@pytest.mark.parametrize(("id", "values"), [("encoder_scale", 0.05), ("joint_offset", 0.05)])
+@pytest.mark.parametrize(
+    ("id", "values"), [("encoder_scale", 0.05), ("joint_offset", 0.05), ("backlash", 0.12)]
+)
 def test_an_error_of_the_log_moves_nothing(
     systems: dict[str, System], id: str, values: float
 ) -> None:
