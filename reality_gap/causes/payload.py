@@ -1,9 +1,12 @@
 """Payload: an additional mass at an end of the machine.
 
-It is a ball at a site of the last link that is not part of a tendon's path, such as a grip, or
-elsewhere: on the line from the centre of mass of the heaviest body of the link to the far end of
-the link, if these are apart. There ``along`` is 0 at the one and 1 at the other, and negative on
-the other side of the centre of mass.
+It is a ball at a site of the last link that is not part of a tendon's path, such as a grip, or at a
+body without mass, such as a flange, or elsewhere: on the line from the centre of mass of the
+heaviest body of the link to the far end of the link, if these are apart. There ``along`` is 0 at
+the one and 1 at the other, and negative on the other side of the centre of mass. The far end of a
+link without geoms is half the length of a long link beyond its centre of mass, seen from its joint.
+Its own moment of inertia is that of a ball of steel, for
+hardly any load is smaller, plus its mass times ``gyration``, a squared radius of gyration.
 """
 
 from __future__ import annotations
@@ -17,13 +20,19 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 DENSITY = 7800.0
-"""Density of the ball, which determines its inertia [kg/m^3]: that of steel, for hardly any load is
-smaller than a ball of steel of the same mass."""
+"""Density of the smallest ball, that of steel [kg/m^3]."""
+WIDE, WIDEST = 0.15, 0.5
+"""Radius of gyration of a wide load, and the largest, over the length of the machine's links."""
 
 BEFORE, BEYOND = 1.5, 3.0
 """Largest position of a payload on its line, to either side: tools are longer than links."""
 APART = 0.2
 """Least distance of the far end from the centre of mass, over that from the begin of the link."""
+NEAR = 0.05
+"""Distance of a centre of mass from its joint that is no direction, over half the length of a long
+link."""
+ORIGIN = "at its origin"
+"""Note of a location at a body without mass."""
 _WRAP = mujoco.mjtWrap
 
 
@@ -31,13 +40,27 @@ def _locations(system: System) -> tuple[Location, ...]:
     found = []
     for root in links.end_links(system):
         site, heaviest = _free_site(system, root), links.link(system, root).heaviest
+        flange = _flange(system, root)
         if site is not None:
             body = system.model.body(int(system.model.site_bodyid[site])).name
             found.append(Location("body", (body,), f"at {system.model.site(site).name}"))
+        elif flange:
+            found.append(Location("body", (flange,), ORIGIN))
         elsewhere = Location("body", (heaviest,))
-        if heaviest and (site is None or _far_end(system, elsewhere) is not None):
+        if heaviest and (not found or _far_end(system, elsewhere) is not None):
             found.append(elsewhere)
     return tuple(found)
+
+
+def _flange(system: System, root: int) -> str:
+    """Return the last body of a link without mass and geoms; empty if there is none."""
+    model = system.model
+    frames = [
+        model.body(b).name
+        for b in range(root + 1, model.nbody)
+        if model.body_weldid[b] == root and not model.body_mass[b] and not model.body_geomnum[b]
+    ]
+    return next((name for name in reversed(frames) if name), "")
 
 
 def _free_site(system: System, root: int) -> int | None:
@@ -70,6 +93,8 @@ def _reads_site(model: mujoco.MjModel, sensor: str) -> bool:
 
 def _point(system: System, location: Location, values: Values) -> Floats:
     """Return the position of the payload in the frame of its body, shape (3,) [m]."""
+    if location.note == ORIGIN:
+        return np.zeros(3)
     if location.note:
         return system.model.site(location.note.removeprefix("at ")).pos
     centre, end = system.model.body(location.elements[0]).ipos, _far_end(system, location)
@@ -87,22 +112,32 @@ def _far_end(system: System, location: Location) -> Floats | None:
     begin, turned = data.xpos[model.body_weldid[index]], data.xmat[index].reshape(3, 3)
     end = surfaces.far_point(model, data, int(model.body_weldid[index]), begin)
     if end is None:
-        return None
+        centre = data.xipos[index] - begin
+        far = float(np.linalg.norm(centre))
+        beyond = 0.5 * machine_size.machine_size(system).link
+        return (1.0 + beyond / far) * turned.T @ centre if far > NEAR * beyond else None
     local = turned.T @ (end - data.xpos[index])
     far = float(np.linalg.norm(local - model.body_ipos[index]))
     return local if far > APART * float(np.linalg.norm(end - begin)) else None
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    force = typical_scales.end_force(system, location.elements[0])
+    body = location.elements[0]
+    if location.note == ORIGIN:
+        body = links.link(system, int(system.model.body(body).weldid[0])).heaviest or body
+    force = typical_scales.end_force(system, body)
     size = force / machine_size.weight(system.model, 1.0)
-    own = links.link(system, system.model.body(location.elements[0]).id).mass
+    own = links.link(system, system.model.body(body).id).mass
     scale, most = max(0.03 * size, 0.1 * own), max(6.0 * size, 3.0 * own)
     mass = Parameter("mass", "kg", scale, 0.0003 * size, 0.0, most)
+    link = machine_size.machine_size(system).link
+    sizes = ((WIDE * link) ** 2, 0.0, 0.0, (WIDEST * link) ** 2)
+    gyration = Parameter("gyration", "m^2", *sizes, hints=SearchHints(shape=True))
     if location.note or _far_end(system, location) is None:
-        return (mass,)
+        return mass, gyration
     hints = SearchHints(shape=True, screened=(0.0,))
-    return mass, Parameter("along", "1", 0.2, 0.0, -BEFORE, BEYOND, null=1.0, hints=hints)
+    along = Parameter("along", "1", 0.2, 0.0, -BEFORE, BEYOND, null=1.0, hints=hints)
+    return mass, along, gyration
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -115,7 +150,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     ball = holder.add_body(name=name, pos=_point(system, location, values))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
     radius = (values["mass"] / (4.0 / 3.0 * np.pi * DENSITY)) ** (1.0 / 3.0)
-    ball.inertia = np.full(3, 0.4 * values["mass"] * radius**2)
+    ball.inertia = np.full(3, values["mass"] * (0.4 * radius**2 + values["gyration"]))
     ball.explicitinertial = True
 
 

@@ -159,7 +159,9 @@ def _largest_link(model: mujoco.MjModel) -> float:
         # is no link: where a machine stands is no size of it.
         if weld[model.body_parentid[b]]:
             reach.append(float(np.linalg.norm(data.xpos[b] - origin[model.body_parentid[b]])))
-        reach.append(float(np.linalg.norm(data.xipos[b] - origin[b])) if weld[b] else 0.0)
+        # Without mass there is no centre of mass, and MuJoCo has any.
+        if weld[b] and model.body_mass[b]:
+            reach.append(float(np.linalg.norm(data.xipos[b] - origin[b])))
     for s in range(model.nsite):
         if weld[model.site_bodyid[s]]:
             reach.append(float(np.linalg.norm(data.site_xpos[s] - origin[model.site_bodyid[s]])))

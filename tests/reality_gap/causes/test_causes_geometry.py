@@ -231,8 +231,11 @@ def test_payloads_in_the_hand_and_elsewhere_are_two_balls_of_steel(arm: System) 
     spec = build(
         arm,
         [
-            (candidate(arm, "payload", at_grip), {"mass": 7800.0e-6}),
-            (candidate(arm, "payload", elsewhere), {"mass": 0.3, "along": 0.5}),
+            (candidate(arm, "payload", at_grip), {"mass": 7800.0e-6, "gyration": 0.0}),
+            (
+                candidate(arm, "payload", elsewhere),
+                {"mass": 0.3, "along": 0.5, "gyration": 1e-4},
+            ),
         ],
     ).spec
     model = spec.compile()
@@ -240,6 +243,9 @@ def test_payloads_in_the_hand_and_elsewhere_are_two_balls_of_steel(arm: System) 
     radius = (3e-6 / (4.0 * np.pi)) ** (1.0 / 3.0)  # of a cubic centimetre
     own = model.body("payload_at_grip").inertia
     assert own == pytest.approx(np.full(3, 0.4 * 7800e-6 * radius**2))
+    radius = (0.3 / 7800.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
+    own = model.body(f"payload_of_{elsewhere.elements[0]}").inertia
+    assert own == pytest.approx(np.full(3, 0.3 * (0.4 * radius**2 + 1e-4)))
 
 
 END = """<mujoco><worldbody><body name="arm" pos="0 0 1">
@@ -279,7 +285,35 @@ def test_a_payload_of_a_ball_is_at_its_centre(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(END.format(geom=ball))
     system = system_of(tmp_path / "arm.xml")
     [location] = find_cause("payload").locations(system)
-    assert [p.name for p in find_cause("payload").parameters(system, location)] == ["mass"]
+    names = [p.name for p in find_cause("payload").parameters(system, location)]
+    assert names == ["mass", "gyration"]
+
+
+BARE = """<mujoco><worldbody><body name="arm" pos="0 0 1"><joint name="swing" axis="0 1 0"/>
+<inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body name="tool" pos="0.3 0 0">{inside}</body></body></worldbody>
+<sensor><jointpos name="angle" joint="swing"/></sensor></mujoco>"""
+
+
+def test_a_payload_may_be_at_a_body_without_mass(tmp_path: Path) -> None:
+    """As at a flange, or at the frame of a tool. Where nothing has a shape there is a line, too."""
+    (tmp_path / "arm.xml").write_text(BARE.format(inside=""))
+    system = system_of(tmp_path / "arm.xml")
+    flange, line = find_cause("payload").locations(system)
+
+    assert (str(flange), str(line)) == ("tool (at its origin)", "arm")
+    model = plant_with(system, "payload", flange, mass=0.1).spec.compile()
+    assert model.body("payload_at_its_origin").parentid == model.body("tool").id
+    assert model.body_subtreemass[1] == pytest.approx(1.1)
+    model = plant_with(system, "payload", line, mass=0.1, along=1.0).spec.compile()
+    assert model.body("payload_of_arm").pos == pytest.approx([0.1 + 0.3 / 2, 0, 0])
+
+
+def test_a_site_is_preferred_to_a_body_without_mass(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(BARE.format(inside='<site name="grip"/>'))
+    found = find_cause("payload").locations(system_of(tmp_path / "arm.xml"))
+
+    assert [str(one) for one in found] == ["tool (at grip)", "arm"]
 
 
 def test_a_tilt_turns_gravity_and_keeps_its_size(crane: System) -> None:

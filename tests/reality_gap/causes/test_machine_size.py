@@ -317,7 +317,16 @@ def test_all_scales_are_those_of_the_machine(tmp_path: Path) -> None:
         arm(tmp_path, long, mass, LIMITED.format(limit), 'gravity="0 0 -9.81"')
         for long, mass, limit in ((0.1, 0.05, 0.5), (1.0, 50.0, 5000.0))
     )
-    powers = {"m": 1, "kg": 3, "N": 3, "N m": 4, "N m s/rad": 4, "N m/rad": 4, "kg m^2": 5}
+    powers = {
+        "m": 1,
+        "m^2": 2,
+        "kg": 3,
+        "N": 3,
+        "N m": 4,
+        "N m s/rad": 4,
+        "N m/rad": 4,
+        "kg m^2": 5,
+    }
     powers["rad/(N m)"] = -4
     for cause in CATALOGUE.values():
         for one, other in zip(cause.locations(small), cause.locations(large), strict=True):

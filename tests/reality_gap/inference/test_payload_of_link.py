@@ -79,8 +79,8 @@ def test_a_shape_is_screened_at_other_values_too(tmp_path: Path) -> None:
         candidates = list_candidates(replayer.system, [find_cause("payload")])
         found = screen(replayer, candidates, replayer.residual([]))
     assert [(one.names, one.fixed.get("along")) for one in found] == [
-        (("mass", "along"), 1.0),
-        (("mass",), 0.0),
+        (("mass", "along", "gyration"), 1.0),
+        (("mass", "gyration"), 0.0),
     ]
     tip, middle = (np.linalg.norm(one.columns[:, 0]) for one in found)
     assert 0.1 * tip < middle < 0.9 * tip
