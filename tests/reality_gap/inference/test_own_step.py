@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,7 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from tests.reality_gap.servo_arm import ARM, STUDY
 
-STEP, NOMINAL, PERIOD, NOISE = 0.002, 0.01, 0.02, 3e-4
+STEP, NOMINAL, PERIOD, NOISE, LATE = 0.002, 0.01, 0.02, 3e-4, 0.02
 KINDS = ("armature", "viscous_friction", "link_mass", "velocity_gain", "actuator_lag")
 
 
@@ -86,6 +87,23 @@ def test_the_error_of_the_step_is_that_of_the_machine_with_its_fault(tmp_path: P
     assert inertia.low < 3.0 * NOMINAL < inertia.high
     assert inertia.value == pytest.approx(3.0 * NOMINAL, rel=0.005)
     assert found.rms_after == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("step", "own"), [(STEP / 16, False), (STEP, True)])
+def test_large_faults_make_no_log_a_simulated_one(tmp_path: Path, step: float, own: bool) -> None:
+    """About them the error of a step is so different that none was nearer to it."""
+    study = study_of(tmp_path, step, 4.0 * NOMINAL)
+    [episode] = study.episodes
+    late = tuple(replace(r, time=r.time + LATE) for r in episode.readings)
+    study = replace(study, episodes=(replace(episode, readings=late),))
+    causes = [CATALOGUE[id] for id in ("armature", "delay")]
+    found = diagnose(study, causes=causes, options=Options(suggest=False))
+
+    assert bool(found.measures["own_time_step"]) is own
+    values = {c.candidate.cause.id: c.parameters for c in found.causes}
+    assert set(values) == {"armature", "delay"}
+    assert values["delay"]["delay"].value == pytest.approx(LATE, abs=2e-4)
+    assert values["armature"]["inertia"].value == pytest.approx(3.0 * NOMINAL, rel=0.01)
 
 
 @pytest.mark.parametrize(("pushed", "about"), [(0.0, True), (0.1, False)])
