@@ -15,6 +15,10 @@ from reality_gap.types import Floats
 
 SMALL = 0.2
 """Largest angle of a model that may have been meant in radians but read as degrees [rad]."""
+NEARLY = 0.2
+"""Share of a range by which lengths may exceed it."""
+LEAST_TRAVEL = 0.01
+"""Share of a range that lengths cover, unless they have another unit."""
 LARGE = 8.0 * np.pi
 """Angle of a limit that may have been meant in degrees but read as radians [rad]."""
 SAMPLES = 200
@@ -63,15 +67,24 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
         if is_endless(model, "sensors", name):
             continue  # a wheel may turn any number of times
         start, count = int(model.sensor(name).adr[0]), int(model.sensor(name).dim[0])
-        found.append((unit, _compare(name, unit, values, sensors[:, start : start + count])))
+        possible, length = sensors[:, start : start + count], _length_at_zero(model, name)
+        found.append(
+            (
+                unit,
+                _zeroed(name, values, possible, length) or _compare(name, unit, values, possible),
+            )
+        )
     if not study.inverse:
         for column, i in enumerate(commanded(model)):
             name = model.actuator(i).name
             units = actuator_units(model, name)
             if units in (("m",), ("rad",)) and not is_endless(model, "actuators", name):
                 values = np.concatenate([episode.command[:, column] for episode in study.episodes])
-                what = f"the command of {name}"
-                found.append((units[0], _compare(what, units[0], values[:, None], lengths[:, [i]])))
+                what, possible = f"the command of {name}", lengths[:, [i]]
+                zeroed = _zeroed(what, values[:, None], possible, _driven_at_zero(model, i))
+                found.append(
+                    (units[0], zeroed or _compare(what, units[0], values[:, None], possible))
+                )
     return tuple(
         ScaleWarning(warning.sentence, warning.certain and _bounded(model, unit))
         for unit, warning in found
@@ -145,6 +158,36 @@ def _bounded(model: mujoco.MjModel, unit: str) -> bool:
         return bool(np.all(model.jnt_limited))
     hinges = model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
     return bool(np.all(model.jnt_limited | hinges))
+
+
+def _length_at_zero(model: mujoco.MjModel, sensor: str) -> float:
+    """Return the length at ``qpos0`` of the tendon that a sensor reads [m]; 0 if it reads none."""
+    if int(model.sensor(sensor).type[0]) != int(mujoco.mjtSensor.mjSENS_TENDONPOS):
+        return 0.0
+    return float(model.tendon_length0[int(model.sensor(sensor).objid[0])])
+
+
+def _driven_at_zero(model: mujoco.MjModel, actuator: int) -> float:
+    """Return the length of an actuator at ``qpos0`` if it pulls a tendon [m]; 0 if not."""
+    if int(model.actuator_trntype[actuator]) != int(mujoco.mjtTrn.mjTRN_TENDON):
+        return 0.0
+    tendon = int(model.actuator_trnid[actuator, 0])
+    return float(model.actuator_gear[actuator, 0] * model.tendon_length0[tendon])
+
+
+def _zeroed(what: str, values: Floats, possible: Floats, length: float) -> ScaleWarning | None:
+    """Return a warning on lengths that are 0 at ``qpos0``, where a tendon has a length [m]."""
+    low, high = float(possible.min()), float(possible.max())
+    margin = NEARLY * (high - low)
+    begin, end = float(values.min()), float(values.max())
+    fits = low - margin <= begin + length <= end + length <= high + margin
+    if low - margin <= begin or not fits or end - begin < LEAST_TRAVEL * (high - low):
+        return None
+    return ScaleWarning(
+        f"{what} is {begin:.3g} to {end:.3g} m, but between {low:.3g} and {high:.3g} in the model: "
+        f"it seems to be 0 at qpos0, where the length is {length:.4g} m; add offset: {length:.4g}",
+        False,
+    )
 
 
 def _compare(what: str, unit: str, values: Floats, possible: Floats) -> ScaleWarning | None:

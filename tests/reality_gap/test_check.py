@@ -40,6 +40,25 @@ def test_centimetres_as_metres(study_folder: Any) -> None:
     assert "length_flexor is 2" in sentences_of(study_folder)
 
 
+@pytest.mark.parametrize(
+    ("column", "what"),
+    [("length_flexor", "length_flexor is"), ("target_flexor", "the command of flexor is")],
+)
+def test_lengths_that_are_zero_where_the_model_is_assembled(
+    study_folder: Any, column: str, what: str
+) -> None:
+    """Even if they hardly leave zero, they are no metres that are taken for millimetres."""
+    model = load_study(study_folder.path).spec().compile()
+    length = float(model.tendon_length0[model.tendon("flexor").id])
+    for columns in study_folder.logs.values():
+        if column in columns:
+            columns[column] = [cell - length for cell in columns[column]]
+    sentences = sentences_of(study_folder)
+
+    assert what in sentences
+    assert f"0 at qpos0, where the length is {length:.4g} m; add offset: {length:.4g}" in sentences
+
+
 def test_radians_as_degrees(study_folder: Any) -> None:
     study_folder.content["sensors"]["angle_elbow"]["unit"] = "deg"
     assert "angle_elbow moves 0.0174 times as far" in sentences_of(study_folder)
