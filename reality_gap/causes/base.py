@@ -72,6 +72,8 @@ class SearchHints:
             has minima side by side, as where a machine sticks or is sampled.
         shape: whether the parameter has no effect while the others are at their null values.
         screened: values of a shape at which the others are screened, in addition to its null.
+        bounded: whether a shape that is fitted at a bound stands for another cause, as those of
+            other parameters do. Without, the bounds of a shape say "hardly" and "very".
         period: for the period of an event that repeats, where its times are counted from: the start
             of the "study" or of each "episode". Only those starts are screened at which the data
             repeat most; starts of other times belong to the largest period and scale with it.
@@ -85,6 +87,7 @@ class SearchHints:
     nearby: tuple[float, ...] = ()
     shape: bool = False
     screened: tuple[float, ...] = ()
+    bounded: bool = False
     period: Literal["study", "episode"] | None = None
     absence: bool = False
 

@@ -132,10 +132,10 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     mass = Parameter("mass", "kg", scale, 0.0003 * size, 0.0, most)
     link = machine_size.machine_size(system).link
     sizes = ((WIDE * link) ** 2, 0.0, 0.0, (WIDEST * link) ** 2)
-    gyration = Parameter("gyration", "m^2", *sizes, hints=SearchHints(shape=True))
+    gyration = Parameter("gyration", "m^2", *sizes, hints=SearchHints(shape=True, bounded=True))
     if location.note or _far_end(system, location) is None:
         return mass, gyration
-    hints = SearchHints(shape=True, screened=(0.0,))
+    hints = SearchHints(shape=True, screened=(0.0,), bounded=True)
     along = Parameter("along", "1", 0.2, 0.0, -BEFORE, BEYOND, null=1.0, hints=hints)
     return mass, along, gyration
 

@@ -224,7 +224,7 @@ def at_bound(hypothesis: Hypothesis) -> bool:
 def distance_to_bound(part: Part) -> float:
     """Return the least distance of a parameter from a bound, as a share of that of the null value.
 
-    It is 1 without bounds, for parameters at their null values, and for shapes: their ends say
+    It is 1 without bounds, for parameters at their null values, and for most shapes: their ends say
     "hardly" and "very", and not that the cause is another one. Nor does the absence of a property.
     """
     candidate, values = part
@@ -232,7 +232,7 @@ def distance_to_bound(part: Part) -> float:
         (
             min(1.0, abs(values[p.name] - bound) / abs(bound - p.null))
             for p in candidate.parameters
-            if not p.hints.shape
+            if p.hints.bounded or not p.hints.shape
             for bound in ((p.high,) if p.hints.absence else (p.low, p.high))
             if bound != p.null and np.isfinite(bound)
         ),

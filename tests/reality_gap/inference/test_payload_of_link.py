@@ -10,6 +10,7 @@ import pytest
 
 from reality_gap import Diagnosis, Verdict, diagnose
 from reality_gap.causes import CATALOGUE, find_cause
+from reality_gap.inference.paying import distance_to_bound
 from reality_gap.inference.screening import list_candidates, screen
 from reality_gap.inference.verdict import Options
 from reality_gap.simulation.replayer import Replayer
@@ -84,3 +85,15 @@ def test_a_shape_is_screened_at_other_values_too(tmp_path: Path) -> None:
     ]
     tip, middle = (np.linalg.norm(one.columns[:, 0]) for one in found)
     assert 0.1 * tip < middle < 0.9 * tip
+
+
+def test_a_payload_as_far_away_as_can_be_stands_for_another_cause(tmp_path: Path) -> None:
+    with Replayer(study(tmp_path, "")) as replayer:
+        [one] = list_candidates(replayer.system, [find_cause("payload")])
+        friction = list_candidates(replayer.system, [find_cause("coulomb_friction")])[0]
+    least = {p.name: p.low for p in friction.parameters if p.hints.shape}
+
+    assert distance_to_bound((one, {"mass": 0.01, "along": 3.0, "gyration": 0.0})) == 0.0
+    assert distance_to_bound((one, {"mass": 0.01, "along": 1.5, "gyration": 0.0})) > 0.5
+    assert least
+    assert distance_to_bound((friction, friction.null_values() | least)) == 1.0
