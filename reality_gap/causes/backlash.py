@@ -2,11 +2,11 @@
 
 For positions ``x_k`` and a gap ``g``, the encoder reads
 
-    y_k = min(max(y_{k-1}, x_k - g/2), x_k + g/2),    y_0 = x_0
+    y_k = min(max(y_{k-1}, x_k - g/2), x_k + g/2),    y_0 = x_0 + b g/2
 
-The position within the gap at the start of a log is unknown; the operator starts in the middle. It
-also does so in the hook that acts on servos: while the machine settles, there is no backlash, so
-that hook and reading have the same state. A servo may have another encoder than the one that is
+The position b within the gap at the start of a log is unknown, from -1 to 1. The hook that acts on
+servos has the same: while the machine settles, the error is constant, so that hook and reading have
+the same state. A servo may have another encoder than the one that is
 read, or the gap may be between the joint and that one: then it is in the reading only.
 """
 
@@ -28,8 +28,12 @@ from reality_gap.causes.base import (
 from reality_gap.causes.encoder_scale import READING, has_both
 from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.encoders import Feedback
+from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
+
+BEGIN = "begin"
+"""Position within the gap at the start of each episode, in halves of the gap."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -41,46 +45,57 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    begin = Parameter(BEGIN, "1", 0.5, 0.0, -1.0, 1.0, hints=SearchHints(shape=True))
     if location.kind == "tendon":
         travel = typical_scales.tendon_travel(system)
         hints = SearchHints(secants=elements.secants(system, location, (0.03 * travel,)))
         sizes = (0.004 * travel, 7e-5 * travel, 0.0, 0.4 * travel)
-        return (Parameter("gap", "m", *sizes, hints=hints),)
+        return Parameter("gap", "m", *sizes, hints=hints), begin
     unit, size = typical_scales.joint_travel(system, location)
     hints = SearchHints(secants=elements.secants(system, location, (0.03 * size, 0.1 * size)))
-    return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size, hints=hints),)
+    sizes = (0.005 * size, 0.0001 * size, 0.0, 0.3 * size)
+    return Parameter("gap", unit, *sizes, hints=hints), begin
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     chosen, half = encoders.encoders(system, location), values["gap"] / 2
+    first = values[BEGIN] * half
     if not half:
         return
 
     def make(model: mujoco.MjModel) -> Hook:
-        return _Play(model, chosen, half, system.study.initial.settle)
+        return _Play(model, chosen, half, first, system.study.initial.settle)
 
     def read(record: Record) -> None:
         for encoder in chosen:
             position = encoders.true_position(record, encoder)
-            encoders.add_to_reading(record, encoder, played(position, half) - position)
+            encoders.add_to_reading(record, encoder, played(position, half, first) - position)
 
+    def start(states: dict[str, ReadState]) -> None:
+        for name in location.elements:
+            if name in states:
+                states[name] = states[name]._replace(position=states[name].position - first)
+
+    if location.kind == "joint" and first:
+        effects.starts.append(start)
     if location.note != READING and any(encoder.actuator for encoder in chosen):
         effects.add_hook(make)
     effects.readings.append(read)
 
 
-def played(position: Floats, half: float) -> Floats:
+def played(position: Floats, half: float, first: float = 0.0) -> Floats:
     """Apply the play operator to positions.
 
     Args:
         position: shape (k,) [m or rad].
         half: half of the gap [m or rad].
+        first: first reading less the first position [m or rad].
 
     Returns:
         Positions that the encoder reads, shape (k,).
     """
     out = np.empty_like(position)
-    state = position[0]
+    state = position[0] + first
     for i, here in enumerate(position):
         state = min(max(state, here - half), here + half)
         out[i] = state
@@ -95,9 +110,10 @@ class _Play:
         model: mujoco.MjModel,
         chosen: tuple[encoders.Encoder, ...],
         half: float,
+        first: float,
         settle: float,
     ) -> None:
-        self._feedback, self._half = Feedback(model, chosen), half
+        self._feedback, self._half, self._first = Feedback(model, chosen), half, first
         self._waits = round(settle / model.opt.timestep)
         self._state = np.zeros(len(chosen))
 
@@ -106,7 +122,8 @@ class _Play:
         position = self._feedback.position(model, data)
         if self._waits >= 0:
             self._waits -= 1
-            self._state = position.copy()
+            self._state = position + self._first
+            self._feedback.set_error(self._state - position)
             return
         self._state = np.clip(self._state, position - self._half, position + self._half)
         self._feedback.set_error(self._state - position)

@@ -144,6 +144,26 @@ def test_play_moves_only_beyond_its_gap() -> None:
     np.testing.assert_allclose(out, [0.0, 0.0, 0.5, 0.5, 0.5, -0.5])
 
 
+def test_play_begins_anywhere_in_its_gap() -> None:
+    out = played(np.array([0.0, 0.4, 1.0, 1.2, 0.6, 0.1]), 0.5, 0.5)
+    np.testing.assert_allclose(out, [0.5, 0.5, 0.5, 0.7, 0.7, 0.6])
+
+
+@pytest.mark.parametrize("begin", [-0.9, 0.9])
+def test_a_servo_feels_where_in_its_gap_an_encoder_begins(
+    systems: dict[str, System], begin: float
+) -> None:
+    """What it reads at the begin of a log is its command, as nearly as without a gap."""
+    system = systems["arm"]
+    one = next(c for c in candidates_of(system, "backlash") if c.location.elements == ("shoulder",))
+    [before] = records(system)
+    [after] = records(system, (one, {"gap": 0.1, "begin": begin}))
+    joint, read = before.model.joint("shoulder").qposadr[0], before.column("position_shoulder")
+
+    assert after.qpos[0, joint] - before.qpos[0, joint] == pytest.approx(-0.05 * begin, abs=5e-3)
+    assert after.sensors[0, read] == pytest.approx(before.sensors[0, read], abs=5e-3)
+
+
 def test_a_clock_that_drifts_by_less_than_a_step_is_a_fault(systems: dict[str, System]) -> None:
     """In a correct model clocks are late by a part of a step, but not later and later."""
     system = systems["elbow"]
