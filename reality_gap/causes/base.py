@@ -327,6 +327,8 @@ class Cause:
             sticky cause explains much, others are fitted regardless of their screening.
         prior: returns the log odds of the cause at a location against others [nats]; negative
             where it explains much by chance.
+        includes: ids of causes that are special cases of it at the same location. It is preferred
+            to them if it adds to them what a further cause must add.
     """
 
     id: str
@@ -340,6 +342,7 @@ class Cause:
     event: bool = False
     sticky: bool = False
     prior: Callable[[Location], float] = even_odds
+    includes: tuple[str, ...] = ()
 
 
 def unlisted_cause(

@@ -98,4 +98,5 @@ CAUSE = Cause(
     attach=_attach,
     fine=True,
     sticky=True,
+    includes=("coulomb_friction", "viscous_friction"),
 )

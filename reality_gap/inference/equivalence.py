@@ -57,10 +57,11 @@ class Alternatives:
         return self._chance([a or b for a, b in zip(self._same(), self.alike, strict=True)])
 
     def _same(self) -> list[bool]:
-        """Return which of ``tried`` have this cause."""
+        """Return which of ``tried`` have this cause, or one of which it is a special case."""
         # The best hypothesis keeps the order of its causes; other fits have the new one last.
         return [
             fitted.candidates[-1].cause.id == self.candidate.cause.id
+            or fitted.candidates[-1].includes(self.candidate)
             or any(candidate.matches(self.candidate) for candidate in fitted.candidates)
             for fitted in self.tried
         ]

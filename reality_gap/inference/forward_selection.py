@@ -203,14 +203,35 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     problem, tried, base, profiled = settled
     error = settings.nonlinear**2 * problem.noise_model.evidence_of_explained(tried[0].residual)
     needed = settings.needed(base, profiled) + error
+    tried = special_cases_first(tried, settings, profiled)
     if profiled:
         alike = tuple(rescore(problem, f) for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
     without = evidence_without(base.evidence, tried)
     if tried[0].evidence - without > needed:
-        tried = polish(problem, tried, base)
+        tried = special_cases_first(polish(problem, tried, base), settings, profiled)
         without = evidence_without(base.evidence, tried)
     return Step(base, tried, tried[0].evidence - without, needed)
+
+
+def special_cases_first(tried: Sequence[Fit], settings: Settings, far: bool) -> tuple[Fit, ...]:
+    """Return fits with a special case of the first one before it, if that does not add enough.
+
+    It must add to the special case what a further cause must add: where the form of both is not
+    exactly right, the more general one is always a little better.
+
+    Args:
+        tried: fits with one candidate more each, best first.
+        settings: thresholds.
+        far: whether the model is wrong by many noises.
+    """
+    for one in tried[1:]:
+        first, other = tried[0], one.candidates[-1]
+        if not first.candidates[-1].includes(other):
+            continue
+        if first.evidence - one.evidence < settings.needed(one, far):
+            return (one, *(f for f in tried if f is not one))
+    return tuple(tried)
 
 
 def _with_known(problem: Problem, tried: Sequence[Fit], known: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -348,10 +369,12 @@ def revise(result: Search, settings: Settings) -> Search:
             if len(best.hypothesis) == 1:
                 break
             continue
+        far = problem.noise_model.is_far
         tried = fit_next(problem, result.sensitivities, without, settings.refits)
+        tried = special_cases_first(tried, settings, far)
         needed = best.evidence + SWAP - without.evidence
         if tried and tried[0].evidence - without.evidence > needed:
-            tried = polish(problem, tried, without)
+            tried = special_cases_first(polish(problem, tried, without), settings, far)
             best = tried[0]
         gain = tried[0].evidence - without.evidence if tried else 0.0
         step = Step(without, tried, gain, needed)

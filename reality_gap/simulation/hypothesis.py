@@ -38,6 +38,10 @@ class Candidate:
         """Return the parameter values at which the cause has no effect."""
         return {parameter.name: parameter.null for parameter in self.parameters}
 
+    def includes(self, other: Candidate) -> bool:
+        """Return whether the other candidate is a special case of this one."""
+        return other.cause.id in self.cause.includes and self.location == other.location
+
     def matches(self, other: Candidate) -> bool:
         """Return whether the other candidate is the same cause at the same location."""
         return self.cause.id == other.cause.id and self.location == other.location

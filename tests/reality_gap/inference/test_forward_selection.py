@@ -222,6 +222,27 @@ def test_a_likelier_candidate_replaces_an_earlier_cause(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("more", "where", "expected"),
+    [(0.07, "rail", "special"), (0.4, "rail", "general"), (0.07, "cart", "general")],
+)
+def test_a_general_cause_must_add_to_its_special_case_what_a_further_one_must(
+    tmp_path: Path, more: float, where: str, expected: str
+) -> None:
+    """Where neither has exactly the right form, the general one is always a little better."""
+    form = SHAPES[:, 0] + more * SHAPES[:, 1]
+    special, general = candidate("special", SHAPES[:, 0]), candidate("general", form, where)
+    general = replace(general, cause=replace(general.cause, includes=("special",)))
+    case = Case(tmp_path, 2.0 * form, [special, general])
+
+    found = case.search()
+    [named] = alternatives(found, Settings())
+
+    assert ids(found.best) == [expected]
+    assert found.steps[0].tried[0].evidence > 1000.0
+    assert named.right > 0.8
+
+
+@pytest.mark.parametrize(
     ("likeness", "expected"), [(1.0, ["twin"]), (0.999, ["twin"]), (0.9, []), (0.0, [])]
 )
 def test_a_candidate_with_nearly_the_same_effect_is_equivalent(
