@@ -25,8 +25,10 @@ REFUTING = ("learned_instead", "report_rms", "learned_of_event")
 ABOUT = 1.1
 """Factor within which the RMS on the report split counts as equal: large tolerances explain a part
 of the error of the nominal model, too."""
-WHOLE = 0.95
-"""Share of an event's evidence that may be learned without its time if the event explains all."""
+WHOLE = 0.8
+"""Share of an event's evidence that may be learned without its time if the event explains all. What
+is learned counts as far as it predicts the report split: of few readings, motions explain much by
+chance."""
 LITTLE = 0.05
 """Share of the RMS of all readings that an event leaves if it explains all but the form of its
 edges."""
@@ -219,7 +221,9 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         noise = remainder.after <= ABOUT * form and learned <= 0.0
         whole = noise or remainder.share <= LITTLE
         share = max(options.by_chance, WHOLE) if whole else options.by_chance
-        found.append(_at_most("learned_of_event", instead, share * named, EVENT))
+        predicted = max(remainder.instead.explained, 0.0) * named
+        known = min(instead, predicted) if whole else instead
+        found.append(_at_most("learned_of_event", known, share * named, EVENT))
     return (
         *found,
         _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),

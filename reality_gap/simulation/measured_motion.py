@@ -36,8 +36,11 @@ SEGMENTS = 16
 """Number of parts of a log, at least, over which the power of a position is averaged."""
 SHORTEST_SEGMENT = 64
 """Least number of samples of such a part."""
-POSITION_BAND = 2.0
-"""Cutoff of the positions over that of the efforts."""
+POSITION_BAND = 1.4
+"""Cutoff of the positions over that of the efforts: what is above it is noise, by which computed
+dry friction changes its sign."""
+HIGHEST = 0.225
+"""Largest cutoff of the efforts, times the period of the readings."""
 GRID_RATE = 8.0
 """Samples of the motion per period of the cutoff, at least."""
 EDGE = 3.0
@@ -146,7 +149,7 @@ def effort_cutoff(
         _highest_seen(study.episodes, c, float(deviation))
         for c, deviation in zip(columns, noise, strict=True)
     )
-    return min(MARGIN * highest, seen, 0.45 / (POSITION_BAND * period))
+    return min(MARGIN * highest, seen, HIGHEST / period)
 
 
 def _highest_seen(episodes: Sequence[Episode], column: int, deviation: float) -> float:

@@ -68,7 +68,10 @@ def decided(
     )
     remainder: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
-        instead=SimpleNamespace(evidence=learned if evidence is None else instead),
+        instead=SimpleNamespace(
+            evidence=learned if evidence is None else instead, explained=instead / (evidence or 1.0)
+        ),
+        share=after / before,
         before=before,
         after=after,
         explained=explained,

@@ -30,12 +30,13 @@ def verdict(
     problem = SimpleNamespace(roughness=1.0)
     paying: Any = SimpleNamespace(result=SimpleNamespace(best=best, problem=problem, stop=None))
     remainder: Any = SimpleNamespace(
-        instead=SimpleNamespace(evidence=share * EVIDENCE),
+        instead=SimpleNamespace(evidence=share * EVIDENCE, explained=share),
         learned=SimpleNamespace(evidence=learned),
         fits=(before, left),
         after=left,
         explained=0.0,
         of_step=0.0,
+        share=left / before,
     )
     return decide(paying, judge(paying, remainder, Options()))
 
