@@ -80,7 +80,7 @@ class TwoHands(MovingHand):
         return HandDetection(other, self.COVARIANCE), own
 
 
-@pytest.mark.parametrize("where", ["step", "process"])
+@pytest.mark.parametrize("where", ["step", pytest.param("process", marks=pytest.mark.slow)])
 def test_beside_another_hand_it_learns_from_its_own_one_that_it_knows_by_its_movements(
     nominal_map: JointMuscleMap, arm: ArmKinematics, where: Any
 ) -> None:

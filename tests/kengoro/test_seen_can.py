@@ -154,6 +154,7 @@ def test_the_robot_of_a_seed_loses_its_markers_and_nothing_else() -> None:
     assert given[2] == (*given[0], NoHandMarker(removed=True), gone)
 
 
+@pytest.mark.slow
 def test_a_seen_can_takes_its_marker_from_the_detector() -> None:
     agent: Any = make_agent(can="seen")
     assert agent.options.can == "seen"

@@ -170,6 +170,7 @@ def test_friction_before_a_force_sensor_deviates_and_zeros_of_sensors_do_not(
     assert not any(one.startswith("tension_offset") for one in able)
 
 
+@pytest.mark.slow
 def test_what_is_not_linear_in_deviations_is_no_stop(tmp_path: Path) -> None:
     """A linear model leaves what a spring at one side explains by 160 nats."""
     with Replayer(study_of(tmp_path, [], FALLING)) as replayer:

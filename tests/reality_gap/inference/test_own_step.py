@@ -89,7 +89,9 @@ def test_the_error_of_the_step_is_that_of_the_machine_with_its_fault(tmp_path: P
     assert found.rms_after == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.parametrize(("step", "own"), [(STEP / 16, False), (STEP, True)])
+@pytest.mark.parametrize(
+    ("step", "own"), [(STEP / 16, False), pytest.param(STEP, True, marks=pytest.mark.slow)]
+)
 def test_large_faults_make_no_log_a_simulated_one(tmp_path: Path, step: float, own: bool) -> None:
     """About them the error of a step is so different that none was nearer to it."""
     study = study_of(tmp_path, step, 4.0 * NOMINAL)
