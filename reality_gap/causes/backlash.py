@@ -6,8 +6,8 @@ For positions ``x_k`` and a gap ``g``, the encoder reads
 
 The position b within the gap at the start of a log is unknown, from -1 to 1. The hook that acts on
 servos has the same: while the machine settles, the error is constant, so that hook and reading have
-the same state. A servo may have another encoder than the one that is
-read, or the gap may be between the joint and that one: then it is in the reading only.
+the same state. A servo may have another encoder than the one that is read, or the gap may be
+between the joint and that one: then it is in the reading only.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ body without mass, such as a flange, or elsewhere: on the line from the centre o
 heaviest body of the link to the far end of the link, if these are apart. There ``along`` is 0 at
 the one and 1 at the other, and negative on the other side of the centre of mass. The far end of a
 link without geoms is half the length of a long link beyond its centre of mass, seen from its joint.
-Its own moment of inertia is that of a ball of steel, for
-hardly any load is smaller, plus its mass times ``gyration``, a squared radius of gyration.
+Its own moment of inertia is that of a ball of steel, for hardly any load is smaller, plus its mass
+times ``gyration``, a squared radius of gyration.
 """
 
 from __future__ import annotations
