@@ -355,7 +355,9 @@ def test_causes_lists_the_catalogue_with_units(capsys: pytest.CaptureFixture[str
     assert [head.split(":")[0] for head in heads] == list(CATALOGUE)
     after = dict(pairwise(lines))
     assert all(after[head].startswith("  ") for head in heads), "each cause has parameters"
-    assert after[next(h for h in heads if h.startswith("backlash"))] == "  tendon: gap [m]"
+    assert after[next(h for h in heads if h.startswith("backlash"))] == (
+        "  tendon: gap [m], begin [1]"
+    )
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
