@@ -68,12 +68,7 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
             continue  # a wheel may turn any number of times
         start, count = int(model.sensor(name).adr[0]), int(model.sensor(name).dim[0])
         possible, length = sensors[:, start : start + count], _length_at_zero(model, name)
-        found.append(
-            (
-                unit,
-                _zeroed(name, values, possible, length) or _compare(name, unit, values, possible),
-            )
-        )
+        found.append((unit, _compare(name, unit, values, possible, length)))
     if not study.inverse:
         for column, i in enumerate(commanded(model)):
             name = model.actuator(i).name
@@ -81,9 +76,9 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
             if units in (("m",), ("rad",)) and not is_endless(model, "actuators", name):
                 values = np.concatenate([episode.command[:, column] for episode in study.episodes])
                 what, possible = f"the command of {name}", lengths[:, [i]]
-                zeroed = _zeroed(what, values[:, None], possible, _driven_at_zero(model, i))
+                length = _driven_at_zero(model, i)
                 found.append(
-                    (units[0], zeroed or _compare(what, units[0], values[:, None], possible))
+                    (units[0], _compare(what, units[0], values[:, None], possible, length))
                 )
     return tuple(
         ScaleWarning(warning.sentence, warning.certain and _bounded(model, unit))
@@ -190,7 +185,13 @@ def _zeroed(what: str, values: Floats, possible: Floats, length: float) -> Scale
     )
 
 
-def _compare(what: str, unit: str, values: Floats, possible: Floats) -> ScaleWarning | None:
+def _compare(
+    what: str, unit: str, values: Floats, possible: Floats, length: float
+) -> ScaleWarning | None:
+    """Return a warning on values that do not fit the model; a tendon has this length at qpos0."""
+    zeroed = _zeroed(what, values, possible, length)
+    if zeroed is not None:
+        return zeroed
     sizes, range_ = np.linalg.norm(values, axis=1), np.linalg.norm(possible, axis=1)
     size, low, high = float(np.median(sizes)), float(range_.min()), float(range_.max())
     large, small = ("degrees", "radians") if unit == "rad" else ("millimetres", "metres")

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, toeplitz
 
 from reality_gap.simulation.measured_motion import (
@@ -24,6 +23,7 @@ from reality_gap.simulation.measured_motion import (
     POSITION_BAND,
     Motion,
     gaps_of,
+    interpolated,
     low_pass,
     passed,
 )
@@ -122,7 +122,7 @@ def independent_samples(motion: Motion, reading: Reading, dof: int, period: floa
         period: of the readings [s].
     """
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
-    raw = CubicSpline(reading.time, reading.value)(time)
+    raw = interpolated(reading, time)
     # Computed efforts are those of positions behind a filter.
     value = low_pass(low_pass(raw, POSITION_BAND * motion.cutoff, period), motion.cutoff, period)
     edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))

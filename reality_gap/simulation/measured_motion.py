@@ -177,13 +177,22 @@ def _spectra(episodes: Sequence[Episode], column: int, size: int) -> tuple[Float
         size: number of samples of the parts of a log whose powers are averaged.
     """
     rate = 1.0 / max(period_of(e.readings[column]) for e in episodes)
-    values = [_filled(e.readings[column]) for e in episodes]
+    values = [_filled(e.readings[column]).value for e in episodes]
     powers = [len(value) * welch(value, rate, nperseg=size)[1] for value in values]
     return np.asarray(np.fft.rfftfreq(size, 1.0 / rate)), np.array(powers)
 
 
-def _filled(reading: Reading) -> Floats:
-    """Return the values of a reading, with values between the others where some were lost.
+def interpolated(reading: Reading, time: Floats) -> Floats:
+    """Return the values of a reading at other times (k,) [s], (k,).
+
+    They are those of a spline, which would swing far out where samples were lost.
+    """
+    filled = _filled(reading)
+    return np.asarray(CubicSpline(filled.time, filled.value)(time))
+
+
+def _filled(reading: Reading) -> Reading:
+    """Return a reading with samples on straight lines where some were lost.
 
     A jump from one to the other would have all frequencies.
     """
@@ -191,13 +200,13 @@ def _filled(reading: Reading) -> Floats:
     steps = np.diff(reading.time)
     lost = np.where(steps > LOST * period, np.rint(steps / period) - 1, 0).astype(int)
     if not lost.any():
-        return reading.value
+        return reading
     missing = [
         np.linspace(reading.time[i], reading.time[i + 1], lost[i] + 2)[1:-1]
         for i in np.flatnonzero(lost)
     ]
     time = np.sort(np.concatenate([reading.time, *missing]))
-    return np.interp(time, reading.time, reading.value)
+    return Reading(time, np.interp(time, reading.time, reading.value))
 
 
 def measured_motions(
@@ -261,7 +270,7 @@ def _motion(
 ) -> Motion:
     """Return the motion of one episode between two times [s], from its positions."""
     time = np.arange(span[0], span[1] + 1e-9, period)
-    raw = np.stack([CubicSpline(r.time, r.value)(time) for r in readings], axis=1)
+    raw = np.stack([interpolated(r, time) for r in readings], axis=1)
     qpos = low_pass(raw, POSITION_BAND * cutoff, period)
     qvel = make_interp_spline(time, qpos, k=DEGREE)(time, 1)
     qacc = make_interp_spline(time, qvel, k=DEGREE)(time, 1)

@@ -14,6 +14,7 @@ from reality_gap.causes.load_dependent_friction import total_bend
 from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
+from reality_gap.study.data import ReadState
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, compile_system
 from tests.reality_gap.causes.machines import TENDONS, candidates_of, predict, records, towards_null
@@ -162,6 +163,17 @@ def test_a_servo_feels_where_in_its_gap_an_encoder_begins(
 
     assert after.qpos[0, joint] - before.qpos[0, joint] == pytest.approx(-0.05 * begin, abs=5e-3)
     assert after.sensors[0, read] == pytest.approx(before.sensors[0, read], abs=5e-3)
+
+
+def test_a_first_reading_is_that_of_an_encoder_in_its_play(systems: dict[str, System]) -> None:
+    chosen = candidates_of(systems["arm"], "backlash")
+    one = next(c for c in chosen if c.location.elements == ("shoulder",))
+    states = {"shoulder": ReadState(0.3, 0.0, 0.0, 0.0), "elbow": ReadState(0.2, 0.0, 0.0, 0.0)}
+    for effect in build(systems["arm"], [(one, {"gap": 0.1, "begin": -0.5})]).effects.starts:
+        effect(states)
+
+    assert states["shoulder"].position == pytest.approx(0.325)
+    assert states["elbow"].position == 0.2
 
 
 def test_a_clock_that_drifts_by_less_than_a_step_is_a_fault(systems: dict[str, System]) -> None:

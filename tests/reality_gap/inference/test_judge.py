@@ -14,7 +14,12 @@ EVIDENCE = 1000.0
 
 
 def verdict(
-    share: float, left: float, learned: float = 0.0, event: bool = True, before: float = 10.0
+    share: float,
+    left: float,
+    learned: float = 0.0,
+    event: bool = True,
+    before: float = 10.0,
+    predicted: float = 1.0,
 ) -> Verdict:
     """Verdict on one cause.
 
@@ -24,13 +29,14 @@ def verdict(
         learned: what can be learned of that [nats].
         event: whether it comes from outside at its own time.
         before: RMS without it [noise].
+        predicted: share of the power of the report split that what is learned predicts.
     """
     candidate = SimpleNamespace(cause=SimpleNamespace(event=event))
     best = SimpleNamespace(is_null=False, evidence=EVIDENCE, candidates=(candidate,))
     problem = SimpleNamespace(roughness=1.0)
     paying: Any = SimpleNamespace(result=SimpleNamespace(best=best, problem=problem, stop=None))
     remainder: Any = SimpleNamespace(
-        instead=SimpleNamespace(evidence=share * EVIDENCE, explained=share),
+        instead=SimpleNamespace(evidence=share * EVIDENCE, explained=predicted),
         learned=SimpleNamespace(evidence=learned),
         fits=(before, left),
         after=left,
@@ -60,6 +66,14 @@ def test_an_event_may_leave_what_the_form_of_its_edges_lacks() -> None:
 
 def test_nearly_all_that_an_event_explains_is_not_an_event() -> None:
     assert verdict(0.9, left=1.0) is Verdict.UNEXPLAINED
+
+
+@pytest.mark.parametrize("predicted", [-0.5, 0.3, 0.75])
+def test_what_is_learned_of_few_readings_and_predicts_no_others_is_chance(
+    predicted: float,
+) -> None:
+    assert verdict(0.9, left=1.0, predicted=predicted) is Verdict.NAMED
+    assert verdict(0.9, left=2.0, before=20.0, predicted=predicted) is Verdict.UNEXPLAINED
 
 
 def test_other_causes_may_depend_on_the_motion() -> None:

@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.simulation.measured_motion import _spectra, effort_cutoff, period_of
+from reality_gap.simulation.measured_motion import (
+    _spectra,
+    effort_cutoff,
+    interpolated,
+    period_of,
+)
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.types import Floats
 
@@ -55,6 +60,17 @@ def test_positions_limit_the_cutoff_where_noise_hides_them(
 
 def test_a_position_that_is_nowhere_seen_does_not_limit_the_cutoff() -> None:
     assert cutoff((200, 200), (1e3, 1e-3)) == pytest.approx(1.5 * EFFORT, rel=0.2)
+
+
+def test_no_value_in_a_gap_is_far_from_those_around_it() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 6.0, 1e-3)
+    value = np.sin(time) + 0.1 * rng.standard_normal(len(time))
+    kept = (time < 2.0) | (time > 3.2)
+    found = interpolated(Reading(time[kept], value[kept]), time)
+
+    assert np.abs(found - np.sin(time)).max() < 0.7
+    np.testing.assert_allclose(found[kept], value[kept])
 
 
 def test_a_jump_over_a_gap_is_in_no_spectrum() -> None:
