@@ -61,7 +61,7 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
     over the postures of the model.
     """
     model = study.spec().compile()
-    sensors, lengths = _postures(model)
+    sensors, lengths = sample_positions(model)
     found: list[tuple[str, ScaleWarning | None]] = [("", one) for one in _large_ranges(model)]
     for name, unit, values in _measured_positions(study, model):
         if is_endless(model, "sensors", name):
@@ -118,7 +118,7 @@ def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, 
     return positions
 
 
-def _postures(model: mujoco.MjModel) -> tuple[Floats, Floats]:
+def sample_positions(model: mujoco.MjModel) -> tuple[Floats, Floats]:
     """Return sensor data (k, nsensordata) and actuator lengths (k, nactuator) at postures."""
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
@@ -170,14 +170,50 @@ def _driven_at_zero(model: mujoco.MjModel, actuator: int) -> float:
     return float(model.actuator_gear[actuator, 0] * model.tendon_length0[tendon])
 
 
-def _zeroed(what: str, values: Floats, possible: Floats, length: float) -> ScaleWarning | None:
-    """Return a warning on lengths that are 0 at ``qpos0``, where a tendon has a length [m]."""
+def missing_length(
+    model: mujoco.MjModel, part: str, name: str, values: Floats, positions: tuple[Floats, Floats]
+) -> float:
+    """Return what lengths of a tendon lack that are 0 at ``qpos0``, as those of relative encoders.
+
+    Their sign need not be that of the model.
+
+    Args:
+        model: the compiled model.
+        part: "sensors", "actuators" or "efforts".
+        name: name of the element in this part of a study.
+        values: readings or commands, shape (n,) [m].
+        positions: those of `sample_positions`.
+
+    Returns:
+        The length of the tendon at ``qpos0`` [m]; 0 if the lengths are whole, or no lengths.
+    """
+    sensors, lengths = positions
+    if part == "sensors":
+        possible, length = sensors[:, int(model.sensor(name).adr[0])], _length_at_zero(model, name)
+    elif part == "actuators":
+        i = int(model.actuator(name).id)
+        possible, length = lengths[:, i], _driven_at_zero(model, i)
+    else:
+        return 0.0
+    if length == 0.0 or not any(_is_zeroed(sign * values, possible, length) for sign in (1, -1)):
+        return 0.0
+    return length
+
+
+def _is_zeroed(values: Floats, possible: Floats, length: float) -> bool:
+    """Return whether lengths fit the model only with that at ``qpos0`` added."""
     low, high = float(possible.min()), float(possible.max())
     margin = NEARLY * (high - low)
     begin, end = float(values.min()), float(values.max())
     fits = low - margin <= begin + length <= end + length <= high + margin
-    if low - margin <= begin or not fits or end - begin < LEAST_TRAVEL * (high - low):
+    return begin < low - margin and fits and end - begin >= LEAST_TRAVEL * (high - low)
+
+
+def _zeroed(what: str, values: Floats, possible: Floats, length: float) -> ScaleWarning | None:
+    """Return a warning on lengths that are 0 at ``qpos0``, where a tendon has a length [m]."""
+    if not _is_zeroed(values, possible, length):
         return None
+    begin, end, low, high = values.min(), values.max(), possible.min(), possible.max()
     return ScaleWarning(
         f"{what} is {begin:.3g} to {end:.3g} m, but between {low:.3g} and {high:.3g} in the model: "
         f"it seems to be 0 at qpos0, where the length is {length:.4g} m; add offset: {length:.4g}",

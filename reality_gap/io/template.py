@@ -17,6 +17,7 @@ from reality_gap.io.column_assignment import Assignment, assign_columns, note_do
 from reality_gap.io.column_guesses import Element
 from reality_gap.io.column_names import guess_time_unit, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
+from reality_gap.io.plausibility import missing_length, sample_positions
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless
 from reality_gap.io.validation import simple_joints
@@ -24,6 +25,8 @@ from reality_gap.study.data import load_untrusted_spec
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed by size or left out."""
+ZEROED = "is taken as 0 at qpos0, so that the tendon's length there is its offset"
+"""Why lengths get an offset."""
 RESTS = "has the same value in all rows, as a joint at rest or a dead sensor has"
 """Why a sensor is left out."""
 _JOINTPOS = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
@@ -128,6 +131,7 @@ def _lines(
 ) -> list[str]:
     """Return the lines of a part of the study; elements without a column become comments."""
     lines, guesses = list[str](), dict[str, list[str]]()
+    positions = sample_positions(model) if model.ntendon else None
     for element in elements:
         units = _units(model, part, element.name) or ("1",)
         key = "column" if element.count == 1 else "columns"
@@ -136,9 +140,16 @@ def _lines(
             shown = ", ".join(map(yaml_text, group))
             shown = shown if element.count == 1 else f"[{shown}]"
             endless = is_endless(model, part, element.name)
-            unit = guess_unit(group[0], units, _cells(logs, group[0]), endless)
+            cells = _cells(logs, group[0])
+            unit = guess_unit(group[0], units, cells, endless)
             if unit.reason:
                 guesses.setdefault(unit.reason, []).append(group[0])
+            if positions and cells is not None:
+                factor = unit.si(1.0)
+                lacks = missing_length(model, part, element.name, factor * cells, positions)
+                if lacks:
+                    unit = unit._replace(offset=lacks / factor)
+                    guesses.setdefault(ZEROED, []).append(group[0])
             scale = unit.conversion or _scale(model, logs, part, element.name, group)
             text = f"  {yaml_text(element.name)}: {{{key}: {shown}, unit: {unit.unit}{scale}}}"
             lines.append(text)

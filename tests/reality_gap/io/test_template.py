@@ -74,6 +74,29 @@ def test_units_by_size(study_folder: Any) -> None:
     assert content["sensors"]["length_extensor"]["unit"] == "m"
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, ""), (-1.0, ""), (1000.0, " [mm]")])
+def test_lengths_that_are_zero_where_the_model_is_assembled_get_an_offset(
+    study_folder: Any, factor: float, unit: str
+) -> None:
+    """Relative encoders, and commands that count from the same zero, whatever their sign."""
+    model = load_study(study_folder.write()).spec().compile()
+    length = float(model.tendon_length0[model.tendon("flexor").id])
+    for columns in study_folder.logs.values():
+        for name in {"target_flexor", "length_flexor"} & set(columns):
+            columns[name + unit] = [factor * (cell - length) for cell in columns.pop(name)]
+    notes: list[str] = []
+    root = study_folder.write().parent
+    text = draft_study(root / "lever.xml", [root / log for log in LOGS], note=notes.append)
+    content = yaml.safe_load(text)
+
+    whole = abs(factor) * length
+    assert content["sensors"]["length_flexor"]["offset"] == pytest.approx(whole)
+    assert content["actuators"]["flexor"]["offset"] == pytest.approx(whole)
+    assert "offset" not in content["sensors"]["length_extensor"]
+    assert "offset" not in content["actuators"]["extensor"]
+    assert sum("0 at qpos0" in one and "length_flexor" in one for one in notes) == 1
+
+
 def test_an_element_without_a_guess_is_a_comment(study_folder: Any) -> None:
     rename(study_folder, {"target_flexor": "a17", "target_extensor": "b17", "length_flexor": "c"})
     text = draft(study_folder)
