@@ -44,7 +44,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import mujoco
@@ -134,12 +134,21 @@ class Location:
         elements: names of the elements.
         note: distinguishes locations with the same elements, for example by a segment of a path.
         log: name of the only log in which the cause acts; empty if it acts in all logs.
+        joint: name of the joint that an actuator moves; empty for other locations.
     """
 
     kind: str
     elements: tuple[str, ...]
     note: str = ""
     log: str = ""
+    joint: str = field(default="", compare=False)
+
+    def acts_on(self, other: Location) -> bool:
+        """Return whether both are the same, or an actuator and the joint that it moves."""
+        return self._moved() == other._moved()
+
+    def _moved(self) -> Location:
+        return replace(self, kind="joint", elements=(self.joint,)) if self.joint else self
 
     def __str__(self) -> str:
         where = ", ".join(self.elements) + (f" ({self.note})" if self.note else "")
@@ -327,8 +336,9 @@ class Cause:
             sticky cause explains much, others are fitted regardless of their screening.
         prior: returns the log odds of the cause at a location against others [nats]; negative
             where it explains much by chance.
-        includes: ids of causes that are special cases of it at the same location. It is preferred
-            to them if it adds to them what a further cause must add.
+        includes: ids of causes that are special cases of it at the same location, or at an actuator
+            that moves the same joint. It is preferred to them if it adds to them what a further
+            cause must add.
     """
 
     id: str

@@ -93,4 +93,5 @@ CAUSE = Cause(
     locations=_locations,
     parameters=_parameters,
     edit=_edit,
+    includes=("force_offset",),
 )

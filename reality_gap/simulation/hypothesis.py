@@ -40,7 +40,7 @@ class Candidate:
 
     def includes(self, other: Candidate) -> bool:
         """Return whether the other candidate is a special case of this one."""
-        return other.cause.id in self.cause.includes and self.location == other.location
+        return other.cause.id in self.cause.includes and self.location.acts_on(other.location)
 
     def matches(self, other: Candidate) -> bool:
         """Return whether the other candidate is the same cause at the same location."""

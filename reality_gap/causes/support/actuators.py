@@ -13,6 +13,14 @@ JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_J
 """Kinds of transmission of actuators that move a joint."""
 
 
+def moved_joint(model: mujoco.MjModel, actuator: str) -> str:
+    """Return the name of the joint that an actuator moves; empty if it moves something else."""
+    found = model.actuator(actuator)
+    if int(found.trntype[0]) not in JOINT_TRANSMISSIONS:
+        return ""
+    return str(model.joint(int(found.trnid[0])).name)
+
+
 def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether an actuator's force is linear in ctrl, position and velocity."""
     gains = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))

@@ -8,6 +8,7 @@ from typing import Literal
 import mujoco
 
 from reality_gap.causes.base import Location
+from reality_gap.causes.support import actuators
 from reality_gap.study.system import ActuatedTendon, System, commanded
 
 Sensed = Literal["length", "tension", None]
@@ -38,7 +39,10 @@ def each_joint(system: System) -> tuple[Location, ...]:
 
 def each_actuator(system: System, suits: Suits | None = None) -> tuple[Location, ...]:
     """Return a location for each actuator, or only for those that ``suits`` accepts."""
-    return tuple(Location("actuator", (name,)) for name in _actuators(system, suits))
+    return tuple(
+        Location("actuator", (name,), joint=actuators.moved_joint(system.model, name))
+        for name in _actuators(system, suits)
+    )
 
 
 def all_actuators(system: System, suits: Suits | None = None) -> tuple[Location, ...]:

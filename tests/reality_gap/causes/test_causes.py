@@ -11,6 +11,7 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.backlash import played
 from reality_gap.causes.load_dependent_friction import total_bend
+from reality_gap.inference.screening import list_candidates
 from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
@@ -107,6 +108,23 @@ def test_the_effort_of_a_joint_may_have_a_constant_force(systems: dict[str, Syst
     assert kinds == {"joint"}
     kinds = {location.kind for location in CATALOGUE["force_offset"].locations(systems["elbow"])}
     assert kinds == {"actuator"}
+
+
+def test_a_spring_far_from_its_rest_includes_the_constant_force_of_the_motor_at_its_joint(
+    systems: dict[str, System],
+) -> None:
+    listed = list_candidates(systems["arm"], [CATALOGUE["joint_stiffness"]])
+    springs = [one for one in listed if not one.location.note]
+    forces = list_candidates(systems["arm"], [CATALOGUE["force_offset"]])
+    pairs = {
+        (spring.location.elements, force.location.elements)
+        for spring in springs
+        for force in forces
+        if spring.includes(force)
+    }
+    assert pairs == {(("shoulder",), ("shoulder",)), (("elbow",), ("elbow",))}
+    assert not any(force.includes(spring) for spring in springs for force in forces)
+    assert not any(spring.location == force.location for spring in springs for force in forces)
 
 
 def test_the_bends_of_a_tendon_are_its_wrap_angle() -> None:
