@@ -24,6 +24,7 @@ MODULES = (
     "gear_friction",
     "backlash",
     "slack",
+    "motor_side_friction",
     "actuator_lag",
     "position_gain",
     "velocity_gain",

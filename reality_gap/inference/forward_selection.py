@@ -22,7 +22,7 @@ from reality_gap.inference.gauss_newton import (
 )
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.ranking import rank
+from reality_gap.inference.ranking import rank, rank_by_remainder
 from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity, screen
 from reality_gap.inference.settling import Settled, settle, whitened_power
@@ -253,7 +253,8 @@ def _screen_beside(
 
     Those of candidates that are less likely with the old ones are left out.
     """
-    likely = [one.sensitivity.candidate for one in rank(problem, sensitivities, base)]
+    orders = [order(problem, sensitivities, base) for order in (rank, rank_by_remainder)]
+    likely = [one.sensitivity.candidate for pair in zip(*orders, strict=True) for one in pair]
     unique = list({(one.cause.id, one.location): one for one in likely}.values())[:SCREENED]
     return screen(problem.replayer, unique, base.residual, base=base.hypothesis)
 

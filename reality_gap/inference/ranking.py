@@ -6,16 +6,21 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from reality_gap.inference.evidence import fit_normal, occam
 from reality_gap.inference.gauss_newton import Fit, start_penalty
 from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats, Ints
 
 CHUNK = 128
 """Number of sensitivities that are whitened at once, which is faster than one by one."""
+
+
+REWEIGHTINGS = 3
+"""How often least squares are repeated with the variance of what they left."""
 
 
 class Ranked(NamedTuple):
@@ -65,6 +70,49 @@ def rank(problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit) -> l
         evidence = linear.evidence + paid - start_penalty(sensitivity.candidate)
         ranked.append(Ranked(evidence, sensitivity, linear.theta[k:]))
     return sorted(ranked, key=lambda one: -one.evidence)
+
+
+def rank_by_remainder(
+    problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit
+) -> list[Ranked]:
+    """Rank candidates by what least squares leave, where a model is wrong by many noises.
+
+    The variance of what a candidate leaves is not known there, see `settle`. With that of the base,
+    what a prior allows of a candidate is the less, the more it would explain: one that explains all
+    of a channel would never be tried.
+
+    Args:
+        problem: what is to be explained.
+        sensitivities: of all candidates; one with several starts has several.
+        base: the causes so far.
+
+    Returns:
+        The candidates with their least-squares fits, best first, with the profile likelihood that
+        each adds [nats].
+    """
+    noise = problem.noise_model
+    use, channel = noise.whiten.use, problem.measured.channel
+    ranked = []
+    for one in sensitivities:
+        if any(one.candidate.matches(c) for c in base.candidates):
+            continue
+        theta, variance = np.zeros(one.columns.shape[1]), _power(base.residual, use, channel)
+        first = variance
+        for _ in range(REWEIGHTINGS):
+            weight = 1.0 / np.sqrt(variance[channel[use]])
+            columns = one.columns[use] * weight[:, None]
+            theta = lsq_linear(columns, base.residual[use] * weight, bounds=one.bounds()).x
+            variance = _power(base.residual - one.columns @ theta, use, channel)
+        counts = np.bincount(channel[use], 1.0 / noise.correlation[use], len(variance))
+        gain = 0.5 * float(counts @ np.log(first / variance))
+        ranked.append(Ranked(gain, one, np.asarray(theta)))
+    return sorted(ranked, key=lambda one: -one.evidence)
+
+
+def _power(residual: Floats, use: Bools, channel: Ints) -> Floats:
+    """Return the variance of each channel, at least that of its noise [noise^2]."""
+    square = np.bincount(channel[use], residual[use] ** 2, channel.max() + 1)
+    return np.maximum(1.0, square / np.maximum(np.bincount(channel[use]), 1))
 
 
 def _whitened(

@@ -22,7 +22,7 @@ from reality_gap.inference.gauss_newton import (
     run_together,
 )
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.ranking import Ranked, rank, select_diverse
+from reality_gap.inference.ranking import Ranked, rank, rank_by_remainder, select_diverse
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.types import Floats
@@ -47,6 +47,8 @@ WORTH = 0.4
 """Share of the best evidence from which on a candidate is fitted fully."""
 MORE_STICKY = 5
 """How many more sticky candidates are fitted where one of them explains much."""
+MORE_BY_REMAINDER = 3
+"""How many more candidates are fitted, by what they leave, where a model is wrong by many noises."""
 MORE_FAR = 3
 """How many more candidates with far starts are fitted where slopes do not hold."""
 MORE_MEMBERS = 4
@@ -71,6 +73,9 @@ def fit_next(
     blind = base.is_null or problem.noise_model.is_far
     worth = ranked if blind else [one for one in ranked if one.evidence > PROMISE]
     quick = _fit_quickly(problem, select_diverse(worth, refits), base)
+    if problem.noise_model.is_far:
+        left = rank_by_remainder(problem, sensitivities, base)
+        quick += _fit_more(problem, left, MORE_BY_REMAINDER, quick, base, lambda _: True)
     floor = rescore(problem, base).evidence
     leaders = _leaders(quick, floor)
     if any(one.candidate.cause.sticky for one in leaders):

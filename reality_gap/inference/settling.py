@@ -60,7 +60,7 @@ def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
     if not problem.noise_model.is_far:
         return Settled(problem, rescored(problem, tried), rescore(problem, base), False)
     bare = problem.without_tolerances()
-    tried = rescored(bare, tried)
+    tried = tuple(sorted(tried, key=lambda f: -profile(bare, f).evidence))
     first, rest = tried[:SETTLED], tried[SETTLED:]
     own = [bare.widened(f.residual) for f in first]
     for _ in range(SETTLINGS):

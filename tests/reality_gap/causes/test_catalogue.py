@@ -66,6 +66,7 @@ IDS = (
     "joint_elasticity",
     "dead_zone",
     "clock_drift",
+    "motor_side_friction",
 )
 """Ids that are part of the interface: verdicts and extended models contain them."""
 
