@@ -85,8 +85,8 @@ def _target(system: System, motor: Motor, record: Record) -> Floats:
 CAUSE = Cause(
     id="motor_side_friction",
     title="motor-side friction",
-    explanation="Dry friction between the force sensor of a motor and an elastic tendon: the sensor "
-    "reads it, the other end of the tendon does not feel it.",
+    explanation="Dry friction between the force sensor of a motor and an elastic tendon: the "
+    "sensor reads it, the other end of the tendon does not feel it.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

@@ -48,7 +48,7 @@ WORTH = 0.4
 MORE_STICKY = 5
 """How many more sticky candidates are fitted where one of them explains much."""
 MORE_BY_REMAINDER = 3
-"""How many more candidates are fitted, by what they leave, where a model is wrong by many noises."""
+"""How many more candidates are fitted by what they leave, if a model is wrong by many noises."""
 MORE_FAR = 3
 """How many more candidates with far starts are fitted where slopes do not hold."""
 MORE_MEMBERS = 4
