@@ -1,15 +1,15 @@
 """Motor-side friction: dry friction between the force sensor of a motor and an elastic tendon.
 
-A spool, a gearbox behind a load cell, or a motor whose force is known by its current. The length
-servo overcomes this friction, so that the tendon's other end does not feel it, and the sensor reads
+A spool, a gearbox behind a load cell, or a motor whose force is known by its current. With the
+stiffness ``K`` of the length servo, the tension ``T`` and the friction ``R``, the motor is at
 
-    T + F (x - y) / d
+    x = target + (T - R) / K,    R = F (x - y) / d
 
-with the tension ``T``, the friction ``F``, the position ``x`` of the motor, and ``y`` of the play
-operator with the half gap ``d`` (see `backlash`): the friction is a spring that slips after the
-presliding distance ``d``. The servo is stiff, so that the motor is at its target. Friction on the
-other end of an elastic tendon also stretches it, see Coulomb friction; in a rigid tendon both are
-the same.
+with the sliding friction ``F`` and ``y`` of the play operator with the half gap ``d`` (see
+`backlash`): the friction is a spring that slips after the presliding distance ``d``. The sensor
+reads ``T`` and the friction; the other end of the tendon only feels that the motor is ``R / K``
+short of its target. Friction there also stretches an elastic tendon, see Coulomb friction; in a
+rigid tendon both are the same.
 
 Source of the effect: the torque of the spindle of a cable drive when it reverses, see
 docs/davinci.md.
@@ -17,15 +17,14 @@ docs/davinci.md.
 
 from __future__ import annotations
 
-from functools import partial
-
+import mujoco
 import numpy as np
 
 from reality_gap.causes.backlash import played
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, lugre, motors, typical_scales
 from reality_gap.causes.support.motors import Motor
-from reality_gap.study.system import System
+from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
 LEAST = 6e-3
@@ -56,30 +55,54 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     if values["friction"]:
         [name] = location.elements
-        effects.readings.append(partial(_add, system, _motors(system)[name], values))
+        rubbing = _Rubbing(system, _motors(system)[name], values)
+        effects.commands.append(rubbing.command)
+        effects.readings.append(rubbing.read)
 
 
-def _add(system: System, motor: Motor, values: Values, record: Record) -> None:
-    """Add the friction to the readings of a motor's force."""
-    position, distance = _target(system, motor, record), values["presliding"]
-    friction = values["friction"] * (position - played(position, distance)) / distance
-    for sensor in motor.sensors:
-        record.sensors[:, record.column(sensor)] += friction / motor.gear
+class _Rubbing:
+    """Friction of one motor."""
 
+    def __init__(self, system: System, motor: Motor, values: Values) -> None:
+        self.motor, self.actuator = motor, system.tendon(motor.element).actuator
+        self.friction, self.presliding = values["friction"], values["presliding"]
+        spring = float(-system.model.actuator(self.actuator).biasprm[1])
+        self.stiffness = spring * motor.gear**2
 
-def _target(system: System, motor: Motor, record: Record) -> Floats:
-    """Return the length that the servo of a tendon wants, shape (k,) [m].
+    def command(self, model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
+        """Return commands (n, nu) in which the motor is as short of its target as friction holds it.
 
-    It follows from the force by the law of the actuator; where that is saturated, it is the length
-    at which the servo would exert the limit.
-    """
-    actuator = record.model.actuator(system.tendon(motor.element).actuator)
-    at = record.model.tendon(motor.element).id
-    constant, stiffness, damping = actuator.biasprm[:3]
-    length, velocity = motor.gear * record.length[:, at], motor.gear * record.velocity[:, at]
-    force = record.force[:, actuator.id]
-    wanted = length - (force - constant - damping * velocity) / stiffness
-    return np.asarray(wanted / motor.gear)
+        The changes of the tension hardly move the motor, beside those of its target.
+        """
+        changed, i = command.copy(), column(model, self.actuator)
+        target = command[:, i] / self.motor.gear
+        held = self._friction(target, self.presliding + self.friction / self.stiffness)
+        changed[:, i] -= self.motor.gear * held / self.stiffness
+        return changed
+
+    def read(self, record: Record) -> None:
+        """Add the friction to the readings of the motor's force."""
+        friction = self._friction(self._position(record), self.presliding)
+        for sensor in self.motor.sensors:
+            record.sensors[:, record.column(sensor)] += friction / self.motor.gear
+
+    def _friction(self, position: Floats, distance: float) -> Floats:
+        """Return the friction along positions, shape (k,) [N]."""
+        return np.asarray(self.friction * (position - played(position, distance)) / distance)
+
+    def _position(self, record: Record) -> Floats:
+        """Return the position of the motor, shape (k,) [m].
+
+        Its target follows from the force by the law of the actuator; where that is saturated, it
+        is the length at which the servo would exert the limit.
+        """
+        actuator, gear = record.model.actuator(self.actuator), self.motor.gear
+        at = record.model.tendon(self.motor.element).id
+        constant, stiffness, damping = actuator.biasprm[:3]
+        length, velocity = gear * record.length[:, at], gear * record.velocity[:, at]
+        force = record.force[:, actuator.id]
+        target = (length - (force - constant - damping * velocity) / stiffness) / gear
+        return np.asarray(target - gear * force / self.stiffness)
 
 
 CAUSE = Cause(

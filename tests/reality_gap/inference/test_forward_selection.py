@@ -13,10 +13,10 @@ from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Settings
-from reality_gap.inference.gauss_newton import Fit, Stepwise, fit_stepwise, rescore
+from reality_gap.inference.gauss_newton import Fit, Stepwise, fit_stepwise, null_fit, rescore
 from reality_gap.inference.held_out import selection_score
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.ranking import rank
+from reality_gap.inference.ranking import rank, rank_by_remainder
 from reality_gap.inference.refinement import PROMISE
 from reality_gap.study.splits import FIT, SELECT, split
 from tests.reality_gap.inference.imperfect_models import (
@@ -193,6 +193,21 @@ def test_a_second_cause_with_an_autocorrelated_effect_is_found(tmp_path: Path) -
     found = case.search()
 
     assert ids(found.best) == ["a", "slow"]
+
+
+def test_where_a_model_is_far_off_a_size_that_a_prior_holds_back_is_tried(tmp_path: Path) -> None:
+    """Few of the readings of a slow error count, and a prior holds 60 scales back to one."""
+    slow = np.sin(0.5 * np.pi * TIME)
+    case = Case(tmp_path, 60.0 * slow, [candidate("slow", slow)])
+    problem = case.problem.inflated(case.problem.null_residual)
+    assert problem.noise_model.is_far
+    [held] = rank(problem, case.sensitivities, null_fit(problem))
+    assert held.evidence < 0.0
+    assert held.theta[0] < 2.0
+
+    [free] = rank_by_remainder(problem, case.sensitivities, null_fit(problem))
+    assert free.evidence > 10.0
+    assert free.theta[0] == pytest.approx(60.0, rel=0.02)
 
 
 def test_a_cause_that_the_others_make_unnecessary_is_dropped(tmp_path: Path) -> None:
