@@ -16,7 +16,14 @@ DOCS := $(VENV)/.docs
 RL := $(VENV)/.rl
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
+# Files with tests that import torch: pytest imports no others to find them. The second are those
+# that only have such tests.
+TORCH = $(shell grep -rl --include='test_*.py' 'mark\.torch' tests)
+ONLY_TORCH = $(shell grep -rl --include='test_*.py' '^pytestmark = pytest\.mark\.torch' tests)
 PACKAGES := kengoro kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants experiments benchmarks tools/fuzz
+
+# Tests start hundreds of interpreters, each of which would compile all packages.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-all check docs distributions clean
 
@@ -26,12 +33,12 @@ demo: $(INSTALLED) $(RENDERS)
 
 # Triton, which comes with torch on Linux, crashes when it is imported after Mesa has drawn.
 test: $(INSTALLED) $(RENDERS)
-	$(PY) -m pytest -m "torch and not slow"
-	$(PY) -m pytest -m "not torch and not slow" $(PARALLEL)
+	$(PY) -m pytest -m "torch and not slow" $(PARALLEL) $(TORCH)
+	$(PY) -m pytest -m "not torch and not slow" $(PARALLEL) $(addprefix --ignore=,$(ONLY_TORCH))
 
 test-all: $(RL) $(RENDERS)
-	$(PY) -m pytest -m torch
-	$(PY) -m pytest -m "not torch" $(PARALLEL)
+	$(PY) -m pytest -m torch $(PARALLEL) $(TORCH)
+	$(PY) -m pytest -m "not torch" $(PARALLEL) $(addprefix --ignore=,$(ONLY_TORCH))
 
 check: $(INSTALLED)
 	$(PY) -m ruff check .
