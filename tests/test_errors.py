@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import multiprocessing.reduction
 import pickle  # noqa: TID251  (what pools do with errors)
@@ -22,13 +23,17 @@ ARGUMENTS: dict[str, tuple[object, ...]] = {
 """Of errors that take something else than one sentence."""
 
 
+@functools.cache
 def error_classes() -> list[tuple[str, str]]:
     """Module and name of every class in our packages that is called an error and derives from
     another class."""
     found = []
     for path in sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
         module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        if "Error(" not in text:
+            continue
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.ClassDef) and node.bases and node.name.endswith("Error"):
                 found.append((module, node.name))
     return found
