@@ -120,6 +120,15 @@ def test_training_that_diverges_is_refused():
 # Training
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """The file of a trained map in its cache."""
+    folder = tmp_path_factory.mktemp("kept")
+    load_or_train(nominal_model(), 0, folder, QUICK)
+    (path,) = folder.iterdir()
+    return path
+
+
 def test_the_chain_is_learnt_to_a_tenth_of_a_millimetre():
     chain = nominal_model()
     jmm, report = train(chain, 0, Recipe(hidden=300, samples=10_000))
@@ -135,13 +144,12 @@ def test_the_chain_is_learnt_to_a_tenth_of_a_millimetre():
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])
-def test_the_same_seed_trains_the_same_bits_in_another_process(tmp_path, threads):
-    train(nominal_model(), 3, QUICK)[0].save(tmp_path / "here.npz")
+def test_the_same_seed_trains_the_same_bits_in_another_process(tmp_path, kept, threads):
     program = (
         "import sys; from tests.jmm_agent.straight_muscles import nominal_model;"
         "from jmm_agent.mapping.recipe import Recipe;"
         "from jmm_agent.mapping.training import train;"
-        "train(nominal_model(), 3, Recipe(hidden=60, samples=2000, steps=20))[0].save(sys.argv[1])"
+        "train(nominal_model(), 0, Recipe(hidden=60, samples=2000, steps=20))[0].save(sys.argv[1])"
     )
     root = Path(__file__).resolve().parents[3]
     subprocess.run(
@@ -151,12 +159,14 @@ def test_the_same_seed_trains_the_same_bits_in_another_process(tmp_path, threads
         | {"PYTHONPATH": str(root), "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": "1"},
         check=True,
     )
-    assert (tmp_path / "here.npz").read_bytes() == (tmp_path / "there.npz").read_bytes()
+    assert kept.read_bytes() == (tmp_path / "there.npz").read_bytes()
 
 
-def test_another_seed_trains_another_map():
+def test_another_seed_trains_another_map(kept):
     q = postures_inside(nominal_model(), 5)
-    one, other = (train(nominal_model(), seed, QUICK)[0].lengths(q) for seed in (0, 1))
+    one, other = (
+        jmm.lengths(q) for jmm in (JointMuscleMap.load(kept), train(nominal_model(), 1, QUICK)[0])
+    )
     assert np.abs(one - other).max() > 1e-7
 
 
@@ -183,18 +193,22 @@ def test_the_second_time_the_map_is_read(tmp_path, monkeypatch):
         assert group.validation_rmse == first.groups[name].validation_rmse
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """The file of a trained map in its cache."""
-    folder = tmp_path_factory.mktemp("kept")
-    load_or_train(nominal_model(), 0, folder, QUICK)
-    (path,) = folder.iterdir()
-    return path
+@pytest.fixture
+def quickly(monkeypatch, kept):
+    """Training returns the map that was trained before; the list has what was trained."""
+    trained, (jmm, report) = [], load_or_train(nominal_model(), 0, kept.parent, QUICK)
+
+    def train_again(*given):
+        trained.append(given[1:])
+        return jmm, replace(report, cached=False)
+
+    monkeypatch.setattr("jmm_agent.mapping.training.train", train_again)
+    return trained
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
 def test_a_broken_cache_file_is_reported_and_the_map_is_trained_again(
-    tmp_path, caplog, kept, content
+    tmp_path, caplog, kept, quickly, content
 ):
     trained, path = JointMuscleMap.load(kept), tmp_path / kept.name
     path.write_bytes(kept.read_bytes()[:-300] if content is None else content)
@@ -202,23 +216,24 @@ def test_a_broken_cache_file_is_reported_and_the_map_is_trained_again(
         again, report = load_or_train(nominal_model(), 0, tmp_path, QUICK)
     assert "cut off or damaged" in caplog.text
     assert "trained again" in caplog.text
+    assert quickly == [(0, QUICK, None)]
     assert not report.cached
     q = postures_inside(nominal_model(), 5)
     np.testing.assert_array_equal(again.lengths(q), trained.lengths(q))
     np.testing.assert_array_equal(JointMuscleMap.load(path).lengths(q), trained.lengths(q))
 
 
-def test_a_map_of_another_robot_under_this_name_is_replaced(tmp_path, caplog):
-    path = tmp_path / f"jmm-{content_hash(nominal_model(), 0, QUICK)}.npz"
-    other = replace(nominal_model(), muscles=tuple("abcdefgh"))
-    train(other, 0, QUICK)[0].save(path)
+def test_a_map_of_another_robot_under_this_name_is_replaced(tmp_path, caplog, kept, quickly):
+    path, ours = tmp_path / kept.name, JointMuscleMap.load(kept)
+    JointMuscleMap(ours.joints, tuple("abcdefgh"), ours.groups).save(path)
     jmm, report = load_or_train(nominal_model(), 0, tmp_path, QUICK)
     assert "another robot" in caplog.text
+    assert len(quickly) == 1
     assert not report.cached
-    assert jmm.muscles == nominal_model().muscles
+    assert jmm.muscles == JointMuscleMap.load(path).muscles == nominal_model().muscles
 
 
-def test_a_cache_that_cannot_be_written_is_reported(tmp_path, caplog):
+def test_a_cache_that_cannot_be_written_is_reported(tmp_path, caplog, quickly):
     (tmp_path / "cache").write_text("a file where the folder should be")
     jmm, _ = load_or_train(nominal_model(), 0, tmp_path / "cache", QUICK)
     assert "could not be kept" in caplog.text
