@@ -55,9 +55,11 @@ def effect_of(id: str, skip: int = 0, machine: str = "elbow") -> Effect:
     return mechanism.effect(row.structure, min(LARGE * row.detection_limits[0], mechanism.bound))
 
 
-def sought(folder: Path, secret: Secret, seed: int, machine: str = "elbow") -> Diagnosis:
-    """The diagnosis of the secret's log."""
-    seconds = SECONDS[machine]
+def sought(
+    folder: Path, secret: Secret, seed: int, machine: str = "elbow", seconds: float = 0.0
+) -> Diagnosis:
+    """The diagnosis of the secret's log, of `SECONDS` if no duration is given."""
+    seconds = seconds or SECONDS[machine]
     hidden_plants.write_study(folder, secret, seed, machine, ASSETS, seconds, baseline=False)
     return diagnose(load_study(folder / "STUDY.yaml"), options=Options(suggest=False))
 
@@ -87,7 +89,7 @@ def test_what_is_hidden_is_named(tmp_path: Path, id: str) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_nothing_is_hidden_nothing_is_found(tmp_path: Path, seed: int) -> None:
-    found = sought(tmp_path, Secret((), seed, "null"), seed)
+    found = sought(tmp_path, Secret((), seed, "null"), seed, seconds=6.0)
     assert found.verdict is Verdict.NOTHING_WRONG
     assert not found.causes
 

@@ -69,7 +69,7 @@ def test_other_noise_and_resolution(noise: float, quantum: float) -> None:
 def test_learning_halves_the_error_of_the_data_sheet() -> None:
     options, motors, period = SIZES["medium"]
     errors = []
-    for seed in range(3):
+    for seed in range(2):
         _, _, learned = trial("medium", seed)
         plant = Plant(sampled(options, MOTORS, seed), seed=seed)
         monitor = monitor_of(MOTORS, options, motors)

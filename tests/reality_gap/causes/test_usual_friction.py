@@ -133,7 +133,9 @@ def test_predictions_of_other_studies_include_it(lever_study: Study) -> None:
     np.testing.assert_allclose(found, expected)
 
 
-@pytest.mark.parametrize("cause", ["tension_scale", "coulomb_friction"])
+@pytest.mark.parametrize(
+    "cause", [pytest.param("tension_scale", marks=pytest.mark.slow), "coulomb_friction"]
+)
 def test_an_extended_model_includes_it_if_a_cause_is_named(cause: str, study_folder: Any) -> None:
     """A tension sensor reads 1.5 times the tension, which friction does not explain.
 

@@ -39,7 +39,7 @@ def study_of(folder: Path, step: float, armature: float, pushed: float = 0.0) ->
     (folder / "STUDY.yaml").write_text(STUDY.format(noise=NOISE))
     model = mujoco.MjModel.from_xml_string(arm(step, armature))
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(5), []
-    for k in range(-100, 500):
+    for k in range(-100, 300):
         time = PERIOD * max(k, 0)
         data.ctrl[:] = 0.4 * np.sin(3.0 * time) + 0.1 * np.sin(11.0 * time), np.cos(4.0 * time)
         data.qfrc_applied[:] = pushed * np.sin(7.0 * time), -pushed * np.cos(9.0 * time)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap import Diagnosis, Verdict, diagnose, load_study
+from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 
 PENDULUM = """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>
@@ -44,7 +44,7 @@ def diagnosis(
     model = mujoco.MjModel.from_xml_string(text(actual))
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(2), []
     data.qpos[0] = 0.0 if motor else 0.9
-    for k in range(800):
+    for k in range(500):
         time = 0.01 * k
         command = [0.8 * np.sin(2.5 * time) + 0.3 * np.sin(7.0 * time)] if motor else []
         data.ctrl[:] = command
@@ -55,7 +55,9 @@ def diagnosis(
     actuators = "actuators:\n  motor: {column: motor, unit: N m}\n" if motor else ""
     (folder / "STUDY.yaml").write_text(STUDY.format(actuators=actuators))
     causes = [CATALOGUE[id] for id in KINDS]
-    return diagnose(load_study(folder / "STUDY.yaml"), causes=causes)
+    return diagnose(
+        load_study(folder / "STUDY.yaml"), causes=causes, options=Options(suggest=not motor)
+    )
 
 
 def test_damping_of_a_machine_without_motors_is_named(tmp_path: Path) -> None:
