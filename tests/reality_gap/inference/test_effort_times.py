@@ -24,7 +24,7 @@ ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
 <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1.5"/></body></worldbody>
 <actuator><motor name="motor" joint="hinge"/></actuator>
 <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
-PERIOD, STEPS, COUNT = 0.01, 10, 1600
+PERIOD, STEPS, COUNT = 0.01, 10, 2000
 ANGLE_NOISE, TORQUE_NOISE = 5e-5, 0.02
 KINDS = ("delay", "viscous_friction", "coulomb_friction", "link_mass", "armature", "force_offset")
 
