@@ -17,7 +17,7 @@ ARM = """<mujoco><option timestep="{step}"/><worldbody><body pos="0 0 1">
 <actuator><motor name="motor" joint="shoulder"/></actuator>
 <sensor><jointpos name="angle" joint="shoulder"/></sensor></mujoco>"""
 SPRING = 'stiffness="1.5" springref="17.188733853924695"'
-PERIOD, COUNT, STEP, NOISE = 0.005, 1200, 0.002, 4e-4
+PERIOD, COUNT, STEP, NOISE = 0.005, 1800, 0.002, 4e-4
 KINDS = (
     "joint_stiffness",
     "force_scale",
