@@ -22,26 +22,20 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 
 LOAD = """<body name="load"><joint name="slide" type="slide" axis="1 0 0" damping="{damping}"
- stiffness="{spring}"/><geom size="0.01" mass="{mass}"/><site name="hook"/></body>"""
-MACHINE = (
-    """<mujoco><option timestep="0.0001" integrator="implicitfast"/><worldbody>
-<body name="motor" pos="-1 0 0"><joint name="spool" type="slide" axis="1 0 0" frictionloss="{friction}"
- solreffriction="0.0005 1" solimpfriction=".9999 .9999 .001 .5 2" armature="{spool}"/>
-<geom size="0.01" mass="0.001"/><site name="eye"/></body>"""
-    + LOAD
-    + """</worldbody><tendon><spatial name="cable" stiffness="{cable}" springlength="1"><site site="eye"/>
-<site site="hook"/></spatial></tendon><actuator><position name="servo" joint="spool" kp="{kp}"
- kv="{kv}"/></actuator></mujoco>"""
-)
-MODEL = (
-    """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
-<site name="eye" pos="-1 0 0"/>"""
-    + LOAD
-    + """</worldbody><tendon><spatial name="cable"><site site="eye"/><site site="hook"/></spatial></tendon>
-<actuator><position name="servo" tendon="cable" kp="{kp}" kv="{kv}"/></actuator>
-<sensor><actuatorfrc name="force" actuator="servo"/><jointpos name="position" joint="slide"/></sensor>
+ stiffness="{spring}"/><geom size="0.01" mass="{mass}"/><site name="hook"/></body></worldbody>"""
+PATH = """<site site="eye"/><site site="hook"/></spatial></tendon>"""
+MACHINE = f"""<mujoco><option timestep="0.0001" integrator="implicitfast"/><worldbody>
+<body name="motor" pos="-1 0 0"><joint name="spool" type="slide" axis="1 0 0" armature="{{spool}}"
+ frictionloss="{{friction}}" solreffriction="0.0005 1" solimpfriction=".9999 .9999 .001 .5 2"/>
+<geom size="0.01" mass="0.001"/><site name="eye"/></body>{LOAD}
+<tendon><spatial name="cable" stiffness="{{cable}}" springlength="1">{PATH}
+<actuator><position name="servo" joint="spool" kp="{{kp}}" kv="{{kv}}"/></actuator></mujoco>"""
+MODEL = f"""<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+<site name="eye" pos="-1 0 0"/>{LOAD}<tendon><spatial name="cable">{PATH}
+<actuator><position name="servo" tendon="cable" kp="{{kp}}" kv="{{kv}}"/></actuator>
+<sensor><actuatorfrc name="force" actuator="servo"/>
+<jointpos name="position" joint="slide"/></sensor>
 </mujoco>"""
-)
 STUDY = """name: cable
 model: model.xml
 episodes: [{{commands: log.csv}}]
