@@ -4,7 +4,7 @@ A cause may pay on held-out data although several others, or errors that are lea
 motion, do so nearly as well. Causes that the data cannot tell from it are declared equivalent, and
 count with it. Where others predict something else, the likeliest one may still be wrong most of
 the time. One with much evidence is named with its low confidence nevertheless: a model with it
-predicts better than without.
+predicts better than without. But none is named that is hardly possible.
 """
 
 from __future__ import annotations
@@ -18,6 +18,10 @@ from reality_gap.inference.equivalence import Alternatives, alternatives, first_
 from reality_gap.inference.paying import UNLIKELY, Paying, without_cause
 from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.verdict import Options, decide, judge, remainder_of
+
+
+HARDLY = 0.05
+"""Probability below which no cause is named, whatever its evidence."""
 
 
 class Supported(NamedTuple):
@@ -77,7 +81,8 @@ def _of_the_attempt(paying: Paying, verdict: Verdict, options: Options) -> tuple
 
 def _criterion(one: Alternatives, support: float, options: Options) -> Criterion:
     """Return the criterion of a cause: its probability, or its evidence where that is enough."""
-    if support < options.likely and one.own >= options.guess:
+    enough = HARDLY if one.own >= options.guess else options.likely
+    if enough <= support < options.likely:
         return Criterion(f"guess: {one.candidate}", one.own, options.guess, True, UNLIKELY)
-    met = support >= options.likely
-    return Criterion(f"support: {one.candidate}", support, options.likely, met, UNLIKELY)
+    met = support >= enough
+    return Criterion(f"support: {one.candidate}", support, enough, met, UNLIKELY)

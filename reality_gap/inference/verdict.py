@@ -157,14 +157,12 @@ def is_refuted(named: float, remainder: Remainder, options: Options) -> bool:
 def _beside(named: float, remainder: Remainder, options: Options) -> float:
     """Return the evidence of a learned residual in place of causes that refutes them [nats].
 
-    Where they leave little, they are preferred as long as it is not surely better; where that is
-    noise, only their form can be better, by as much as may be learned of what it leaves. Where much
-    can be learned of what they leave, they are named only if they surely add to a learned residual.
+    Where they leave little, they are preferred as long as it is not surely better. Where much can
+    be learned of what they leave, they are named only if they surely add to a learned residual.
     """
-    learned, allowed = remainder.learned.evidence, _allowed(named, options)
-    if learned <= allowed:
-        noise = remainder.after <= options.left * _form(remainder, options)
-        return named + (max(options.better, allowed) if noise else options.better)
+    learned = remainder.learned.evidence
+    if learned <= _allowed(named, options):
+        return named + options.better
     return max(named + learned - options.search.threshold, 0.0)
 
 

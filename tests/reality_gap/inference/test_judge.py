@@ -78,19 +78,3 @@ def test_what_is_learned_of_few_readings_and_predicts_no_others_is_chance(
 
 def test_other_causes_may_depend_on_the_motion() -> None:
     assert verdict(0.9, left=1.0, event=False) is Verdict.NAMED
-
-
-@pytest.mark.parametrize(
-    ("share", "left", "learned", "expected"),
-    [
-        (1.06, 1.1, 0.0, Verdict.NAMED),
-        (1.06, 1.1, 500.0, Verdict.PARTLY_NAMED),
-        (1.06, 2.0, 0.0, Verdict.UNEXPLAINED),
-        (1.2, 1.1, 0.0, Verdict.UNEXPLAINED),
-    ],
-)
-def test_causes_that_leave_noise_may_have_another_form_than_what_is_learned(
-    share: float, left: float, learned: float, expected: Verdict
-) -> None:
-    """An arm with two right causes was unexplained: learned errors explain 6 % more."""
-    assert verdict(share, left, learned, event=False) is expected

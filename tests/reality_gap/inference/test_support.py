@@ -76,6 +76,20 @@ def test_a_guess_with_much_evidence_keeps_its_low_confidence(
     assert criterion.met == named == (criterion.value >= criterion.threshold)
 
 
+def test_no_evidence_suffices_for_what_is_hardly_possible(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A leg's gravity compensation was named with a confidence of 0 %."""
+    monkeypatch.setattr("reality_gap.inference.support.HARDLY", 0.45)
+    options = replace(OPTIONS, guess=20.0)
+    found = supported(tolerated(tmp_path, 0.6 * SHAPES[:, 0], guesses()), options)
+
+    assert found.paying.result.best.is_null
+    [criterion] = found.criteria
+    assert criterion.name.startswith("support")
+    assert criterion.value < criterion.threshold == 0.45
+
+
 def test_guesses_that_chance_makes_as_likely_are_no_gap(tmp_path: Path) -> None:
     """Options ask for more evidence than they have."""
     found = supported(tolerated(tmp_path, 0.4 * SHAPES[:, 0], guesses(3.0)))
