@@ -25,9 +25,8 @@ from reality_gap.causes.base import (
     SearchHints,
     Values,
 )
-from reality_gap.causes.encoder_scale import READING, has_both
 from reality_gap.causes.support import elements, encoders, typical_scales
-from reality_gap.causes.support.encoders import Feedback
+from reality_gap.causes.support.encoders import READING, Feedback
 from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -38,7 +37,7 @@ BEGIN = "begin"
 
 def _locations(system: System) -> tuple[Location, ...]:
     joints = elements.each_joint(system)
-    readings = [Location("joint", p.elements, READING) for p in joints if has_both(system, p)]
+    readings = encoders.readings_only(system, joints)
     found = (*elements.each_tendon(system), *joints)
     used = [p for p in found if encoders.is_used(*encoders.encoders(system, p))]
     return (*used, *readings)

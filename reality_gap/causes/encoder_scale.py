@@ -13,25 +13,18 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import encoders, servos
+from reality_gap.causes.support.encoders import READING
 from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 STABLE, MIRRORED = -0.9, -3.0
 """Smallest scales, of an encoder that a servo needs and of a reading that may have another sign."""
-READING = "reading only"
-"""Note of a location where the servo's feedback is right."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     used = encoders.joints_with_encoders(system)
-    return used + tuple(Location(p.kind, p.elements, READING) for p in used if has_both(system, p))
-
-
-def has_both(system: System, location: Location) -> bool:
-    """Return whether a joint's encoder is read, and feeds a servo."""
-    [encoder] = encoders.encoders(system, location)
-    return bool(encoder.sensors and encoder.actuator)
+    return used + encoders.readings_only(system, used)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:

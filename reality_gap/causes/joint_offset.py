@@ -15,13 +15,13 @@ from functools import partial
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.encoder_scale import READING, has_both
 from reality_gap.causes.support import (
     encoders,
     lever_arms,
     machine_size,
     servos,
 )
+from reality_gap.causes.support.encoders import READING
 from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -37,7 +37,7 @@ def _locations(system: System) -> tuple[Location, ...]:
     by_tendons = _joints_with_tendons(system)
     every = by_tendons or tuple(p.elements[0] for p in own)
     group = (Location("model", every, EVERY),) if len(every) > 1 else ()
-    both = [Location("joint", p.elements, READING) for p in own if has_both(system, p)]
+    both = encoders.readings_only(system, own)
     tendons = [Location("joint", (name,), TENDONS) for name in by_tendons]
     return (*own, *both, *tendons, *group)
 

@@ -1,16 +1,21 @@
-"""Length offset: the encoder of a tendon reads a constant too much."""
+"""Length offset: the encoder of a tendon reads a constant too much.
+
+A servo feeds the wrong length back. If only the zero of the log is wrong, only the reading is.
+"""
 
 from __future__ import annotations
 
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements, typical_scales
+from reality_gap.causes.support import elements, encoders, typical_scales
+from reality_gap.causes.support.encoders import READING
 from reality_gap.study.system import System
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return elements.each_tendon(system, sensed="length")
+    used = elements.each_tendon(system, sensed="length")
+    return used + encoders.readings_only(system, used)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -24,7 +29,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     """Let servos feed back what the encoder reads."""
     for name in location.elements:
         tendon = system.tendon(name)
-        if tendon.servo:
+        if tendon.servo and location.note != READING:
             bias = spec.actuator(tendon.actuator).biasprm
             bias[0] -= tendon.gain * values["offset"]
 

@@ -1,7 +1,8 @@
 """Length scale: the encoder of a tendon has a wrong scale, as with a wrong spool radius.
 
 At the length ``l`` it reads ``l0 + (1 + scale) (l - l0)``, where ``l0`` is the length at the
-model's ``qpos0``, at which encoders are zeroed.
+model's ``qpos0``, at which encoders are zeroed. A servo feeds the wrong length back. If only the
+conversion of the log is wrong, only the reading is.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, encoders, servos
+from reality_gap.causes.support.encoders import READING
 from reality_gap.study.system import System
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     found = elements.each_tendon(system) + elements.all_tendons(system)
-    return tuple(p for p in found if all(map(encoders.is_used, encoders.encoders(system, p))))
+    used = tuple(p for p in found if all(map(encoders.is_used, encoders.encoders(system, p))))
+    return used + encoders.readings_only(system, used)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -30,7 +33,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for tendon in (system.tendon(name) for name in location.elements):
-        if tendon.servo:
+        if tendon.servo and location.note != READING:
             zero = _zero(system, tendon.name)
             servos.add_reading_error(spec, tendon.actuator, 0.0, values["scale"], zero)
 

@@ -70,7 +70,7 @@ class _Rubbing:
         self.stiffness = spring * motor.gear**2
 
     def command(self, model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        """Return commands (n, nu) in which the motor is as short of its target as friction holds it.
+        """Return commands (n, nu) of which the motor is as short as the friction holds it.
 
         The changes of the tension hardly move the motor, beside those of its target.
         """

@@ -86,7 +86,9 @@ def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
         if cause.id in SHARED:
             shared += [Group((s,)) for s in found if len(s.location.elements) > 1]
         if cause.id in EACH:
-            single = tuple(s for s in found if len(s.location.elements) == 1)
+            single = tuple(
+                s for s in found if len(s.location.elements) == 1 and not s.location.note
+            )
             each += [Group(single)] if len(single) > 1 else []
     if len(large) < LEAST:
         return ()

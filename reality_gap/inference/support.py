@@ -19,7 +19,6 @@ from reality_gap.inference.paying import UNLIKELY, Paying, without_cause
 from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.verdict import Options, decide, judge, remainder_of
 
-
 HARDLY = 0.05
 """Probability below which no cause is named, whatever its evidence."""
 

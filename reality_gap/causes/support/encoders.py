@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
@@ -12,6 +13,9 @@ from reality_gap.causes.support import elements
 from reality_gap.causes.support.model_overrides import ModelOffset
 from reality_gap.study.system import System, commanded
 from reality_gap.types import Floats
+
+READING = "reading only"
+"""Note of a location where the servo's feedback is right."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,15 @@ def encoders(system: System, location: Location) -> tuple[Encoder, ...]:
 def is_used(encoder: Encoder) -> bool:
     """Return whether an error of the encoder shows in a measured channel or in the motion."""
     return bool(encoder.sensors or encoder.actuator)
+
+
+def readings_only(system: System, locations: Iterable[Location]) -> tuple[Location, ...]:
+    """Return those of single elements whose encoder is read and feeds a servo, for its reading."""
+    return tuple(
+        Location(p.kind, p.elements, READING)
+        for p in locations
+        if len(p.elements) == 1 and all(e.sensors and e.actuator for e in encoders(system, p))
+    )
 
 
 def joints_with_encoders(system: System) -> tuple[Location, ...]:

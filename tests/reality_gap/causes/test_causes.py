@@ -10,7 +10,9 @@ import pytest
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.backlash import played
+from reality_gap.causes.base import Location
 from reality_gap.causes.load_dependent_friction import total_bend
+from reality_gap.causes.support.encoders import READING
 from reality_gap.inference.screening import list_candidates
 from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.hypothesis import build
@@ -101,6 +103,28 @@ def test_an_elongated_tendon_stays_longer_in_later_episodes(systems: dict[str, S
     readings = measured(system.study)
     assert change[(readings.episode == 0) & (readings.time < 0.6)].max() < 0.01
     assert change[(readings.episode == 1) & (readings.time < 0.1)].max() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("id", "values"), [("length_scale", {"scale": 0.05}), ("length_offset", {"offset": 0.002})]
+)
+def test_lengths_may_be_wrong_in_the_log_alone(
+    systems: dict[str, System], id: str, values: dict[str, float]
+) -> None:
+    """As with another radius of the spool in the program that writes the log than in the servo."""
+    system = systems["elbow"]
+    listed = list_candidates(system, [CATALOGUE[id]])
+    one = Location("tendon", ("biceps",))
+    log_only = next(s for s in listed if s.location == dataclasses.replace(one, note=READING))
+    servo, readings = next(s for s in listed if s.location == one), measured(system.study)
+    names = [channel.sensor for channel in system.study.channels]
+    of_length = readings.channel == names.index("length_biceps")
+
+    change = predict(system, (log_only, values)) - predict(system)
+
+    assert np.abs(change[of_length]).max() > 1.0
+    assert not change[~of_length].any()
+    assert np.abs((predict(system, (servo, values)) - predict(system))[~of_length]).max() > 1.0
 
 
 def test_the_effort_of_a_joint_may_have_a_constant_force(systems: dict[str, System]) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from reality_gap.causes.base import Location
-from reality_gap.causes.encoder_scale import READING
 from reality_gap.causes.joint_stiffness import NOMINAL
+from reality_gap.causes.support.encoders import READING
 from reality_gap.causes.support.shared_amounts import FACTOR
 from reality_gap.inference.paying import NEAR, distance_to_bound
 from reality_gap.simulation.hypothesis import build
