@@ -13,12 +13,14 @@ from reality_gap.inference.gauss_newton import Fit, start_penalty
 from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.types import Bools, Floats, Ints
+from reality_gap.types import Floats
 
 CHUNK = 128
 """Number of sensitivities that are whitened at once, which is faster than one by one."""
 
 
+TINY = 1e-12
+"""Power of a direction of parameters that has no effect, over that of the largest."""
 REWEIGHTINGS = 3
 """How often least squares are repeated with the variance of what they left."""
 
@@ -90,29 +92,42 @@ def rank_by_remainder(
         The candidates with their least-squares fits, best first, with the profile likelihood that
         each adds [nats].
     """
-    noise = problem.noise_model
-    use, channel = noise.whiten.use, problem.measured.channel
+    use, channel = problem.noise_model.whiten.use, problem.measured.channel
+    rows = [np.flatnonzero(use & (channel == one)) for one in np.unique(channel[use])]
+    counts = np.array([np.sum(1.0 / problem.noise_model.correlation[r]) for r in rows])
+    sizes = np.array([len(r) for r in rows])
     ranked = []
     for one in sensitivities:
         if any(one.candidate.matches(c) for c in base.candidates):
             continue
-        theta, variance = np.zeros(one.columns.shape[1]), _power(base.residual, use, channel)
-        first = variance
+        both = np.column_stack([one.columns, base.residual])
+        squares = np.array([both[r].T @ both[r] for r in rows])
+        first = variance = np.maximum(1.0, squares[:, -1, -1] / sizes)
+        theta = np.zeros(one.columns.shape[1])
         for _ in range(REWEIGHTINGS):
-            weight = 1.0 / np.sqrt(variance[channel[use]])
-            columns = one.columns[use] * weight[:, None]
-            theta = lsq_linear(columns, base.residual[use] * weight, bounds=one.bounds()).x
-            variance = _power(base.residual - one.columns @ theta, use, channel)
-        counts = np.bincount(channel[use], 1.0 / noise.correlation[use], len(variance))
-        gain = 0.5 * float(counts @ np.log(first / variance))
-        ranked.append(Ranked(gain, one, np.asarray(theta)))
+            theta = _least_squares(np.tensordot(1.0 / variance, squares, 1), *one.bounds())
+            change = np.append(-theta, 1.0)
+            variance = np.maximum(1.0, np.einsum("i,cij,j->c", change, squares, change) / sizes)
+        ranked.append(Ranked(0.5 * float(counts @ np.log(first / variance)), one, theta))
     return sorted(ranked, key=lambda one: -one.evidence)
 
 
-def _power(residual: Floats, use: Bools, channel: Ints) -> Floats:
-    """Return the variance of each channel, at least that of its noise [noise^2]."""
-    square = np.bincount(channel[use], residual[use] ** 2, channel.max() + 1)
-    return np.maximum(1.0, square / np.maximum(np.bincount(channel[use]), 1))
+def _least_squares(squares: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the parameters (p,) within bounds that explain most of a residual.
+
+    Args:
+        squares: products of p columns and the residual, shape (p + 1, p + 1).
+        low, high: bounds, shape (p,).
+    """
+    gram, right = squares[:-1, :-1], squares[:-1, -1]
+    theta = np.linalg.lstsq(gram, right)[0]
+    if np.any(theta < low) or np.any(theta > high):
+        power, axes = np.linalg.eigh(gram)
+        kept = power > TINY * power[-1]
+        root = (axes * np.sqrt(np.where(kept, power, 1.0)) * kept).T
+        aim = np.where(kept, (axes.T @ right) / np.sqrt(np.where(kept, power, 1.0)), 0.0)
+        theta = lsq_linear(root, aim, bounds=(low, high)).x
+    return np.asarray(theta)
 
 
 def _whitened(
