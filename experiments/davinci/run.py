@@ -49,6 +49,7 @@ CAUSES = (
     "coulomb_friction",
     "viscous_friction",
     "load_dependent_friction",
+    "motor_side_friction",
     "backlash",
     "slack",
     "force_scale",

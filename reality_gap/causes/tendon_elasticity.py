@@ -21,10 +21,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.study.system import ActuatedTendon, System, column
 from reality_gap.types import Floats
+
+LARGE = 0.1
+"""Compliance at which the cause is screened in addition, over travel by force of the tendons."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -35,7 +38,10 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     soft = typical_scales.tendon_travel(system) / typical_scales.tendon_force(system, location)
-    return (Parameter("compliance", "m/N", 0.004 * soft, 7e-5 * soft, 0.0, 0.27 * soft),)
+    # Beside dry friction, small values change when it turns, and tell little of large ones.
+    hints = SearchHints(secants=elements.secants(system, location, (LARGE * soft,)))
+    sizes = (0.004 * soft, 7e-5 * soft, 0.0, 0.27 * soft)
+    return (Parameter("compliance", "m/N", *sizes, hints=hints),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
