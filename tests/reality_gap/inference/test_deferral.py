@@ -27,6 +27,7 @@ FINE = {
     "direction_dependent_friction",
     "load_dependent_friction",
     "missing_wrapping",
+    "motor_side_friction",
     "speed_limit",
     "stribeck_friction",
     "wire_elongation",

@@ -106,8 +106,11 @@ def test_where_tolerated_friction_slips_is_not_known(lever_study: Study, share: 
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(change)
 
 
-@pytest.mark.parametrize("id", ["length_scale", "tendon_elasticity"])
-def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str) -> None:
+@pytest.mark.parametrize(("id", "count"), [("length_scale", 4), ("tendon_elasticity", 2)])
+def test_other_tolerances_are_those_of_each_element(
+    lever_study: Study, id: str, count: int
+) -> None:
+    """Lengths are read, and fed back by servos."""
     screening = Screening(lever_study, id)
     columns = screening.columns()
     first: dict[Candidate, Sensitivity] = {}
@@ -115,7 +118,7 @@ def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str)
         first.setdefault(sensitivity.candidate, sensitivity)
 
     assert screening.group() is not None
-    assert len(columns) == len(first) == 2
+    assert len(columns) == len(first) == count
     for column, sensitivity in zip(columns, first.values(), strict=True):
         p = sensitivity.candidate.parameters[0]
         expected = sensitivity.columns[:, 0] * p.tolerance / p.scale
@@ -130,12 +133,13 @@ def test_what_the_columns_of_large_tolerances_are_wrong_by_is_tolerated_too(
     screened = screening.columns()
     monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1.0)
     monkeypatch.setattr("reality_gap.inference.tolerances.SEEN", 0.0)
-    kept, wrong = screening.columns()[:2], screening.columns()[2:]
+    count = len(screened)
+    kept, wrong = screening.columns()[:count], screening.columns()[count:]
     tendons = dict.fromkeys(sensitivity.candidate for sensitivity in screening.alone())
 
     # Candidates are ranked by these columns, so that they must be tolerated unchanged.
     np.testing.assert_array_equal(kept, screened)
-    assert len(wrong) == 2
+    assert count == len(wrong) == len(tendons)
     for column, more, candidate in zip(screened, wrong, tendons, strict=True):
         p = candidate.parameters[0]
         replayed = screening.null - screening.replayer.residual(
