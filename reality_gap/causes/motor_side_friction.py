@@ -34,9 +34,14 @@ or of a good gearbox."""
 
 def _motors(system: System) -> dict[str, Motor]:
     """Return the motors with a length servo and a force sensor by their tendons."""
-    servos = {t.name for t in system.tendons if t.servo}
+    model, actuators = system.model, {t.name: t.actuator for t in system.tendons if t.servo}
+    commanded = {
+        name
+        for name, motor in actuators.items()
+        if model.actuator(motor).gainprm[0] != 0.0 > model.actuator(motor).biasprm[1]
+    }
     found = motors.measured(system)
-    return {m.element: m for m in found if m.kind == "tendon" and m.element in servos}
+    return {m.element: m for m in found if m.kind == "tendon" and m.element in commanded}
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -66,8 +71,10 @@ class _Rubbing:
     def __init__(self, system: System, motor: Motor, values: Values) -> None:
         self.motor, self.actuator = motor, system.tendon(motor.element).actuator
         self.friction, self.presliding = values["friction"], values["presliding"]
-        spring = float(-system.model.actuator(self.actuator).biasprm[1])
+        actuator = system.model.actuator(self.actuator)
+        spring = float(-actuator.biasprm[1])
         self.stiffness = spring * motor.gear**2
+        self.per_command = float(actuator.gainprm[0]) / (spring * motor.gear)
 
     def command(self, model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         """Return commands (n, nu) of which the motor is as short as the friction holds it.
@@ -75,9 +82,9 @@ class _Rubbing:
         The changes of the tension hardly move the motor, beside those of its target.
         """
         changed, i = command.copy(), column(model, self.actuator)
-        target = command[:, i] / self.motor.gear
+        target = self.per_command * command[:, i]
         held = self._friction(target, self.presliding + self.friction / self.stiffness)
-        changed[:, i] -= self.motor.gear * held / self.stiffness
+        changed[:, i] -= held / (self.stiffness * self.per_command)
         return changed
 
     def read(self, record: Record) -> None:

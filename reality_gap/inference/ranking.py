@@ -17,8 +17,6 @@ from reality_gap.types import Floats
 
 CHUNK = 128
 """Number of sensitivities that are whitened at once, which is faster than one by one."""
-
-
 TINY = 1e-12
 """Power of a direction of parameters that has no effect, over that of the largest."""
 REWEIGHTINGS = 3

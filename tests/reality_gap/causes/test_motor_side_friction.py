@@ -20,6 +20,7 @@ from reality_gap.inference.verdict import Options
 from reality_gap.simulation.hypothesis import Part
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
+from reality_gap.types import Bools
 
 LOAD = """<body name="load"><joint name="slide" type="slide" axis="1 0 0" damping="{damping}"
  stiffness="{spring}"/><geom size="0.01" mass="{mass}"/><site name="hook"/></body></worldbody>"""
@@ -32,7 +33,8 @@ MACHINE = f"""<mujoco><option timestep="0.0001" integrator="implicitfast"/><worl
 <actuator><position name="servo" joint="spool" kp="{{kp}}" kv="{{kv}}"/></actuator></mujoco>"""
 MODEL = f"""<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
 <site name="eye" pos="-1 0 0"/>{LOAD}<tendon><spatial name="cable">{PATH}
-<actuator><position name="servo" tendon="cable" kp="{{kp}}" kv="{{kv}}"/></actuator>
+<actuator><general name="servo" tendon="cable" gainprm="{{gain}}" biastype="affine"
+ biasprm="0 -{{kp}} -{{kv}}"/></actuator>
 <sensor><actuatorfrc name="force" actuator="servo"/>
 <jointpos name="position" joint="slide"/></sensor>
 </mujoco>"""
@@ -40,7 +42,7 @@ STUDY = """name: cable
 model: model.xml
 episodes: [{{commands: log.csv}}]
 time: {{column: time, unit: s}}
-actuators: {{servo: {{column: command, unit: m}}}}
+actuators: {{servo: {{column: command, unit: {unit}}}}}
 sensors:
   force: {{column: force, unit: N, noise: {force}}}
   position: {{column: position, unit: m, noise: {position}}}
@@ -74,8 +76,11 @@ class Size(NamedTuple):
 DRIVE, FINGER, WINCH = Size(80.0, 0.02, 0.12), Size(4.0, 0.008, 0.2), Size(2000.0, 0.3, 0.08)
 
 
-def logged(folder: Path, size: Size, friction: float = 1.0) -> Study:
-    """Study of a machine that pulls to and fro for 6 s, with five commands for each reading."""
+def logged(folder: Path, size: Size, friction: float = 1.0, unit: float = 1.0) -> Study:
+    """Study of a machine that pulls to and fro for 6 s, with five commands for each reading.
+
+    One of the commands is a length of ``unit`` [m].
+    """
     sizes = size.sizes
     machine = MACHINE.format(**sizes | {"friction": friction * sizes["friction"]})
     model = mujoco.MjModel.from_xml_string(machine)
@@ -90,7 +95,7 @@ def logged(folder: Path, size: Size, friction: float = 1.0) -> Study:
     mujoco.mj_step(model, data, 20_000)
     rows = []
     for k in range(3000):
-        row = f"{0.002 * k:.9g},{1.0 + command(0.002 * k):.9g}"
+        row = f"{0.002 * k:.9g},{(1.0 + command(0.002 * k)) / unit:.9g}"
         if k % 5 == 0:
             force = data.actuator_force[0] + noise["force"] * rng.standard_normal()
             position = data.joint("slide").qpos[0] + noise["position"] * rng.standard_normal()
@@ -101,14 +106,16 @@ def logged(folder: Path, size: Size, friction: float = 1.0) -> Study:
             data.ctrl[0] = command(0.002 * k + 0.0001 * i)
             mujoco.mj_step(model, data)
     (folder / "log.csv").write_text("\n".join(["time,command,force,position", *rows]))
-    (folder / "model.xml").write_text(MODEL.format(**sizes))
-    (folder / "STUDY.yaml").write_text(STUDY.format(**noise))
+    (folder / "model.xml").write_text(MODEL.format(gain=unit * sizes["kp"], **sizes))
+    (folder / "STUDY.yaml").write_text(STUDY.format(unit="m" if unit == 1.0 else "1", **noise))
     return load_study(folder / "STUDY.yaml")
 
 
-@pytest.mark.parametrize("size", [DRIVE, FINGER, WINCH])
-def test_the_force_is_that_of_a_simulated_spool(tmp_path: Path, size: Size) -> None:
-    with Replayer(logged(tmp_path, size)) as replayer:
+@pytest.mark.parametrize(
+    ("size", "unit"), [(DRIVE, 1.0), (FINGER, 1.0), (WINCH, 1.0), (DRIVE, 0.02)]
+)
+def test_the_force_is_that_of_a_simulated_spool(tmp_path: Path, size: Size, unit: float) -> None:
+    with Replayer(logged(tmp_path, size, unit=unit)) as replayer:
         listed = list_candidates(replayer.system, [CATALOGUE[id] for id in KINDS[:2]])
         elastic, rubbing = (
             next(one for one in listed if one.cause.id == id and len(one.location.elements) == 1)
@@ -116,13 +123,14 @@ def test_the_force_is_that_of_a_simulated_spool(tmp_path: Path, size: Size) -> N
         )
         stretched = (elastic, {"compliance": 1.0 / size.sizes["cable"]})
         friction = rubbing.null_values() | {"friction": size.sizes["friction"]}
-        forces = replayer.measured.channel == 0
+        forces, positions = (replayer.measured.channel == k for k in (0, 1))
 
-        def left(*parts: Part) -> float:
-            return float(np.sqrt(np.mean(replayer.residual(parts)[forces] ** 2)))
+        def left(*parts: Part, of: Bools = forces) -> float:
+            return float(np.sqrt(np.mean(replayer.residual(parts)[of] ** 2)))
 
         assert left(stretched) > 10.0
         assert left(stretched, (rubbing, friction)) < 0.4 * left(stretched)
+        assert left(stretched, (rubbing, friction), of=positions) < 1.3
 
 
 @pytest.mark.parametrize("size", [pytest.param(DRIVE, marks=pytest.mark.slow), FINGER])
