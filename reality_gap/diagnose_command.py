@@ -59,6 +59,8 @@ class Thresholds:
     """Probability that a cause needs to be named, with all that predict the same."""
     guess: float = 20.0
     """Evidence from which on a less likely cause is named, too [nats]."""
+    possible: float = 0.05
+    """Probability below which no cause is named, whatever its evidence."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
     of_step: float = 3.0
@@ -116,8 +118,9 @@ def options_of(command: Diagnose) -> Options:
         if not 0 <= value < math.inf or (name in ("refits", "more_refits") and value < 1):
             least = "at least 1" if name in ("refits", "more_refits") else "at least 0 and finite"
             raise StudyError(f"--thresholds.{name.replace('_', '-')} must be {least}, not {value}")
-    if given["likely"] > 1.0:
-        raise StudyError(f"--thresholds.likely must be from 0 to 1, not {given['likely']}")
+    for name in ("likely", "possible"):
+        if given[name] > 1.0:
+            raise StudyError(f"--thresholds.{name} must be from 0 to 1, not {given[name]}")
     if command.depth < 1:
         raise StudyError(f"--depth must be at least 1, not {command.depth}")
     searching = {field.name for field in fields(Settings)} - {"most"}

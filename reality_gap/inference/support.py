@@ -19,9 +19,6 @@ from reality_gap.inference.paying import UNLIKELY, Paying, without_cause
 from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.verdict import Options, decide, judge, remainder_of
 
-HARDLY = 0.05
-"""Probability below which no cause is named, whatever its evidence."""
-
 
 class Supported(NamedTuple):
     """Causes that pay and are no guesses.
@@ -80,7 +77,7 @@ def _of_the_attempt(paying: Paying, verdict: Verdict, options: Options) -> tuple
 
 def _criterion(one: Alternatives, support: float, options: Options) -> Criterion:
     """Return the criterion of a cause: its probability, or its evidence where that is enough."""
-    enough = HARDLY if one.own >= options.guess else options.likely
+    enough = options.possible if one.own >= options.guess else options.likely
     if enough <= support < options.likely:
         return Criterion(f"guess: {one.candidate}", one.own, options.guess, True, UNLIKELY)
     met = support >= enough

@@ -68,6 +68,7 @@ class Options:
         likely: probability that a cause needs to be named, with all that predict the same.
         guess: evidence from which on a less likely cause is named, too: some cause is there, and
             the model with this one predicts better [nats].
+        possible: probability below which no cause is named, whatever its evidence.
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
             [noise].
@@ -94,6 +95,7 @@ class Options:
     deviation: float = 20.0
     likely: float = 0.5
     guess: float = 20.0
+    possible: float = 0.05
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True

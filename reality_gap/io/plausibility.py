@@ -157,9 +157,11 @@ def _bounded(model: mujoco.MjModel, unit: str) -> bool:
 
 def _length_at_zero(model: mujoco.MjModel, sensor: str) -> float:
     """Return the length at ``qpos0`` of the tendon that a sensor reads [m]; 0 if it reads none."""
-    if int(model.sensor(sensor).type[0]) != int(mujoco.mjtSensor.mjSENS_TENDONPOS):
-        return 0.0
-    return float(model.tendon_length0[int(model.sensor(sensor).objid[0])])
+    kind, at = int(model.sensor(sensor).type[0]), int(model.sensor(sensor).objid[0])
+    if kind == int(mujoco.mjtSensor.mjSENS_ACTUATORPOS):
+        return _driven_at_zero(model, at)
+    of_tendon = kind == int(mujoco.mjtSensor.mjSENS_TENDONPOS)
+    return float(model.tendon_length0[at]) if of_tendon else 0.0
 
 
 def _driven_at_zero(model: mujoco.MjModel, actuator: int) -> float:

@@ -22,6 +22,7 @@ from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless
 from reality_gap.io.validation import simple_joints
 from reality_gap.study.data import load_untrusted_spec
+from reality_gap.types import Floats
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed by size or left out."""
@@ -108,9 +109,11 @@ def draft_study(
         *_episodes(logs, found["actuators"], folder, _positions(model, resting), recordings or {}),
         _time(logs, assignment.clock),
     ]
+    positions = sample_positions(model) if model.ntendon else None
     for part, elements in parts.items():
         if elements or part == "sensors":
-            lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free, note)]
+            chosen = found[part], free, positions
+            lines += [f"{part}:", *_lines(model, logs, part, elements, *chosen, note)]
     return "\n".join([*lines, _initial(model, found["sensors"])]) + "\n"
 
 
@@ -127,11 +130,11 @@ def _lines(
     elements: Sequence[Element],
     found: dict[str, tuple[str, ...]],
     free: Sequence[str],
+    positions: tuple[Floats, Floats] | None,
     note: Note,
 ) -> list[str]:
     """Return the lines of a part of the study; elements without a column become comments."""
     lines, guesses = list[str](), dict[str, list[str]]()
-    positions = sample_positions(model) if model.ntendon else None
     for element in elements:
         units = _units(model, part, element.name) or ("1",)
         key = "column" if element.count == 1 else "columns"

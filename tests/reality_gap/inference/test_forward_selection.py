@@ -17,7 +17,7 @@ from reality_gap.inference.gauss_newton import Fit, Stepwise, fit_stepwise, null
 from reality_gap.inference.held_out import selection_score
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank, rank_by_remainder
-from reality_gap.inference.refinement import PROMISE
+from reality_gap.inference.refinement import PROMISE, fit_next
 from reality_gap.study.splits import FIT, SELECT, split
 from tests.reality_gap.inference.imperfect_models import (
     SHAPES,
@@ -208,6 +208,11 @@ def test_where_a_model_is_far_off_a_size_that_a_prior_holds_back_is_tried(tmp_pa
     [free] = rank_by_remainder(problem, case.sensitivities, null_fit(problem))
     assert free.evidence > 10.0
     assert free.theta[0] == pytest.approx(60.0, rel=0.02)
+
+    tiny = [candidate(f"tiny_{i}", 0.01 * SHAPES[:, i % 6]) for i in range(12)]
+    crowded = Case(tmp_path, 60.0 * slow, [*tiny, candidate("slow", slow)])
+    tried = fit_next(problem, crowded.sensitivities, null_fit(problem), 8)
+    assert ["slow"] in [ids(one) for one in tried]
 
 
 def test_a_cause_that_the_others_make_unnecessary_is_dropped(tmp_path: Path) -> None:

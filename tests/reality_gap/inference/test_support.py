@@ -76,12 +76,9 @@ def test_a_guess_with_much_evidence_keeps_its_low_confidence(
     assert criterion.met == named == (criterion.value >= criterion.threshold)
 
 
-def test_no_evidence_suffices_for_what_is_hardly_possible(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_evidence_suffices_for_what_is_hardly_possible(tmp_path: Path) -> None:
     """A leg's gravity compensation was named with a confidence of 0 %."""
-    monkeypatch.setattr("reality_gap.inference.support.HARDLY", 0.45)
-    options = replace(OPTIONS, guess=20.0)
+    options = replace(OPTIONS, guess=20.0, possible=0.45)
     found = supported(tolerated(tmp_path, 0.6 * SHAPES[:, 0], guesses()), options)
 
     assert found.paying.result.best.is_null

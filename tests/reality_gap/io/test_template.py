@@ -97,6 +97,23 @@ def test_lengths_that_are_zero_where_the_model_is_assembled_get_an_offset(
     assert sum("0 at qpos0" in one and "length_flexor" in one for one in notes) == 1
 
 
+def test_lengths_of_actuators_that_are_zero_there_get_an_offset(tmp_path: Path) -> None:
+    model = tmp_path / "winch.xml"
+    model.write_text(
+        '<mujoco><worldbody><site name="eye" pos="-1 0 0"/><body><joint name="slide" type="slide"'
+        ' axis="1 0 0" range="-0.1 0.1" limited="true"/><geom size="0.1" mass="9"/>'
+        '<site name="hook"/></body></worldbody><tendon><spatial name="rope">'
+        '<site site="eye"/><site site="hook"/></spatial></tendon><actuator>'
+        '<motor name="winch" tendon="rope"/></actuator>'
+        '<sensor><actuatorpos name="wound" actuator="winch"/></sensor></mujoco>'
+    )
+    rows = [f"{0.1 * k},{k},{0.01 * (k - 5)}" for k in range(11)]
+    (tmp_path / "log.csv").write_text("\n".join(["t_s,winch_cmd_N,wound_m", *rows]))
+    content = yaml.safe_load(draft_study(model, [tmp_path / "log.csv"]))
+    assert content["sensors"]["wound"]["offset"] == pytest.approx(1.0)
+    assert "offset" not in content["actuators"]["winch"]
+
+
 def test_an_element_without_a_guess_is_a_comment(study_folder: Any) -> None:
     rename(study_folder, {"target_flexor": "a17", "target_extensor": "b17", "length_flexor": "c"})
     text = draft(study_folder)
