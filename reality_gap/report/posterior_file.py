@@ -40,8 +40,8 @@ from reality_gap.study.data import (
     Initial,
     JointUse,
     Study,
-    check_untrusted_model,
     load_spec,
+    load_untrusted_spec,
 )
 from reality_gap.study.system import System, commanded, compile_system
 from reality_gap.types import Floats
@@ -119,7 +119,7 @@ def load_posterior(folder: Path | str) -> Posterior:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["model"] != MODEL:
             raise StudyError(f"{path} names the model {content['model']!r} instead of {MODEL}")
-        check_untrusted_model(folder / MODEL, folder)
+        load_untrusted_spec(folder / MODEL, folder)
         system = compile_system(_study(content["study"], folder / MODEL))
         branches = tuple(_branch(entry) for entry in content["branches"])
         if not branches:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from mjcf_sandbox.errors import UntrustedFileError
-from mjcf_sandbox.mjcf import check_model
+from mjcf_sandbox.mjcf import check_model, named_files
 from reality_gap.errors import StudyError
 from reality_gap.types import Floats
 
@@ -200,6 +200,10 @@ class Study:
         return any(channel.kind == "effort" for channel in self.channels)
 
 
+_stamps: dict[Path, tuple[tuple[Path, int, int], ...]] = {}
+"""Of each model: its files, with the time of their last change [ns] and their size, as loaded."""
+
+
 @lru_cache(maxsize=8)
 def load_spec(path: Path) -> mujoco.MjSpec:
     """Load the model in ``path`` and compile it once; the result is shared, do not edit it.
@@ -219,12 +223,19 @@ def load_spec(path: Path) -> mujoco.MjSpec:
 
 
 def load_untrusted_spec(path: Path, folder: Path) -> mujoco.MjSpec:
-    """Check a model from an unknown source, then load it as `load_spec` does.
+    """Check a model from an unknown source, then load it as `load_spec` does from now on.
+
+    It is read again if one of its files has changed.
 
     Raises:
         StudyError: the model names files outside of ``folder``, or MuJoCo cannot load it.
     """
     check_untrusted_model(path, folder)
+    states = [(file, file.stat()) for file in named_files(path, (folder,))]
+    stamps = tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
+    if _stamps.get(path) != stamps:
+        load_spec.cache_clear()
+        _stamps[path] = stamps
     return load_spec(path)
 
 

@@ -50,6 +50,20 @@ def test_a_good_study(study_folder: Any) -> None:
     assert not study.inverse
 
 
+@pytest.mark.parametrize("included", [False, True])
+def test_a_model_that_was_edited_is_read_again(study_folder: Any, included: bool) -> None:
+    model = study_folder.path.with_name("lever.xml")
+    if included:
+        model = model.rename(model.with_name("machine.xml"))
+        text = '<mujoco><include file="machine.xml"/></mujoco>'
+        study_folder.path.with_name("lever.xml").write_text(text)
+    before = load_study(study_folder.path).spec().compile()
+    text = model.read_text()
+    model.write_text(text.replace('mass="1"', 'mass="2"'))
+    after = load_study(study_folder.path).spec().compile()
+    assert after.body("lever").mass == pytest.approx(2.0 * before.body("lever").mass)
+
+
 def test_commands_are_in_the_order_of_the_model(study_folder: Any) -> None:
     actuators = study_folder.content["actuators"]
     study_folder.content["actuators"] = dict(reversed(actuators.items()))
