@@ -9,17 +9,23 @@ stiffness are multiplied by ``s = 1 / (1 + K c)``, and the limits are unchanged.
 therefore needs neither additional bodies nor a smaller time step, and the extended model is exact
 in statics.
 
-The damping ``D`` and the armature of the tendon are those of its motor, which turns by the share
-``s`` of the motion of the path; both are multiplied by ``s^2``. As the motor also turns with its
-target, the target acts with a delay of ``D c s``. The force of the actuator is the tension without
-the damping force of the motor. Compared with a simulation of the spool at time steps of 0.02 ms (K
-= 20 N/mm, D = 150 N s/m, tendons of 20 to 200 N/mm), the errors are 0.01 mm and 0.1 N.
+The damping ``D`` and the armature of the tendon and the velocity gain ``kv`` of the servo are those
+of its motor, which turns by the share ``s`` of the motion of the path; all are multiplied by
+``s^2``. As the motor also turns with its target, the tension follows the target with a first-order
+lag of ``(D + kv) c s``. The force of the actuator is the tension without the damping force of the
+motor. In simulations of the spool at time steps of 0.1 ms, with ``D`` or ``kv`` of 9 ms of ``K``,
+tendons of 0.4 ``K``, and stairs of commands, the errors are below the noise: 0.1 % of the travel,
+0.5 % of the pull. The motion of the load, unlike the target, acts without the lag: on a load with
+damping and hardly any inertia, pulled by a tendon of 3 ``K``, the force was off by 1.6 %.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
+from scipy.signal import lfilter
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import actuators, elements, typical_scales
@@ -60,13 +66,12 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     tendons, compliance = [system.tendon(name) for name in location.elements], values["compliance"]
 
-    def lag(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
+    def follow(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         command = command.copy()
         for tendon in tendons:
             i = column(model, tendon.actuator)
-            damping, shrink = _motor(model, tendon, compliance)
-            late = damping * compliance * shrink
-            command[:, i] = np.interp(time - late, time, command[:, i])
+            lag = _motor(model, tendon, compliance).lag
+            command[:, i] = _lagged(command[:, i], lag, model.opt.timestep)
         return command
 
     def stretch(record: Record) -> None:
@@ -74,31 +79,62 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             _read(record, tendon, compliance)
 
     if any(tendon.servo for tendon in tendons):
-        effects.commands.append(lag)
+        effects.commands.append(follow)
     effects.readings.append(stretch)
     effects.of_forces.append(stretch)
 
 
-def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> tuple[float, float]:
-    """Return the damping of a motor [N s/m] and its share ``s`` of the path's motion."""
-    damping = float(model.tendon_damping[model.tendon(tendon.name).id])
+class _Motor(NamedTuple):
+    """Numbers of the motor of an elastic tendon.
+
+    Attributes:
+        damping: of the tendon [N s/m].
+        gain: of the velocity, of its servo [N s/m].
+        share: of the motion of the path by which it turns [1].
+        lag: time constant with which the tension follows the target and the path [s].
+    """
+
+    damping: float
+    gain: float
+    share: float
+    lag: float
+
+
+def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> _Motor:
+    """Return the numbers of a motor from the model with the elastic tendon."""
     if not tendon.servo:
-        return 0.0, 1.0
-    actuator = model.actuator(tendon.actuator)
-    shrink = 1 + float(actuator.biasprm[1] * actuator.gear[0] ** 2) * compliance
-    return damping / shrink**2, shrink
+        return _Motor(0.0, 0.0, 1.0, 0.0)
+    actuator, gear = model.actuator(tendon.actuator), float(model.actuator(tendon.actuator).gear[0])
+    share = 1 + float(actuator.biasprm[1]) * gear**2 * compliance
+    damping = float(model.tendon_damping[model.tendon(tendon.name).id]) / share**2
+    gain = -float(actuator.biasprm[2]) * gear**2 / share**2
+    return _Motor(damping, gain, share, (damping + gain) * compliance * share)
+
+
+def _lagged(values: Floats, lag: float, step: float) -> Floats:
+    """Return values that are constant in each step, behind a first-order lag: their means in it."""
+    if lag <= 0.0:
+        return values
+    steps = step / lag
+    kept = float(np.exp(-steps))
+    at_end = lfilter([1.0 - kept], [1.0, -kept], values, zi=[kept * values[0]])[0]
+    before = np.concatenate([values[:1], at_end[:-1]])
+    return np.asarray(values + (before - values) * (1.0 - kept) / steps)
 
 
 def _read(record: Record, tendon: ActuatedTendon, compliance: float) -> None:
     """Correct the readings of encoder and tension sensor, which are on the motor side."""
     model = record.model
-    damping, shrink = _motor(model, tendon, compliance)
+    motor = _motor(model, tendon, compliance)
     velocity = record.velocity[:, model.tendon(tendon.name).id]
     pull = actuators.pull(record, tendon)
     free = ~actuators.at_limit(record, tendon) if tendon.servo else np.zeros(len(pull), dtype=bool)
-    tension = pull + damping * np.where(free, shrink**2, 1.0) * velocity
-    turning = velocity - compliance * np.gradient(tension, record.time)
-    change = np.where(free, tension - damping * turning - pull, 0.0)
+    late = _lagged(velocity, motor.lag, float(model.opt.timestep))
+    held = motor.share**2 * ((motor.damping + motor.gain) * late - motor.gain * velocity)
+    tension = pull + np.where(free, held, motor.damping * velocity)
+    # Backwards, so that the last step under a command does not show the next one.
+    turning = velocity - compliance * np.diff(tension, prepend=tension[0]) / model.opt.timestep
+    change = np.where(free, tension - motor.damping * turning - pull, 0.0)
     for sensor in tendon.length_sensors:
         record.sensors[:, record.column(sensor)] -= compliance * tension
     for sensor in tendon.tension_sensors:
