@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import NamedTuple
 
 import mujoco
@@ -30,13 +29,17 @@ from reality_gap.inference.gauss_newton import Fit, fit_stepwise, run_together
 from reality_gap.inference.motion_functions import moving_joints
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.settling import settle, variance_left
-from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.hypothesis import Candidate, Part
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
 POSITIONS = (0.6, 0.75, 0.85, 0.92, 0.97)
 """Positions of a stop that are tried, as shares of the motion of the model."""
-STIFF = (2.0, 40.0, 400.0)
-"""Stiffness of a stop that is tried, over the typical force and travel of its joint."""
+STIFF = 40.0
+"""Stiffness at which all stops are tried, over the typical force and travel of their joint."""
+OTHERS = (2.0, 400.0)
+"""Stiffness at which the best ones of them are tried, too."""
 TRIED = 2
 """Number of stops that are fitted."""
 FREE = 1e6
@@ -48,6 +51,10 @@ MORE = 5.0
 SHARE = 0.5
 """Share of the variance that a stop leaves at most where a model is wrong by many noises. One that
 leaves more of it is not what is wrong there, however much it explains."""
+
+
+_Tried = tuple[float, Floats, Part]
+"""The sum of squares that a stop leaves, its residual, and the stop."""
 
 
 class Stop(NamedTuple):
@@ -84,26 +91,21 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     records = replayer.replay(rest.hypothesis).records
     moving = moving_joints(problem.system, records)
     own = moving if best is None else _joints(problem.system, best.candidates[-1].location)
-    starts = [
-        [*rest.hypothesis, part]
-        for joint in moving
-        if joint in own
-        for part in _stops(problem.system, records, joint)
+    stops = [
+        stop for joint in moving if joint in own for stop in _stops(problem.system, records, joint)
     ]
-    if not starts:
+    tried = _best(replayer, rest, stops)
+    tried = _best(replayer, rest, [part for _, _, part in tried for part in _others(part)], tried)
+    if not tried:
         return None
-    residuals = np.nan_to_num(replayer.residuals(starts), nan=np.inf)
-    power = np.sum(residuals**2, axis=1)
-    order = np.argsort(power)[:TRIED]
-    if not np.isfinite(power[order[0]]):
-        return None
-    inflated = problem.inflated(residuals[order[0]])
-    fits = run_together(replayer, [fit_stepwise(inflated, starts[i]) for i in order])
+    inflated = problem.inflated(tried[0][1])
+    starts = [[*rest.hypothesis, part] for _, _, part in tried]
+    fits = run_together(replayer, [fit_stepwise(inflated, start) for start in starts])
     fits.sort(key=lambda one: -one.evidence)
     settled = settle(problem, [*fits, *([] if best is None else [best])], rest)
     evidence = {one.candidates[-1].cause is CAUSE: one for one in reversed(settled.tried)}
     found, other = evidence[True], evidence.get(False, settled.base)
-    chosen = np.log(len(starts) / (len(POSITIONS) * len(STIFF)))
+    chosen = np.log(len(stops) / len(POSITIONS))
     gain = found.evidence - float(chosen) - other.evidence
     if settled.problem.noise_model.is_far:
         before, after = (variance_left(problem.widened(f.residual)) for f in (rest, found))
@@ -111,6 +113,32 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
             return None
     cause = None if best is None else best.candidates[-1]
     return Stop(cause, _description(found), gain) if gain > MORE else None
+
+
+def _best(
+    replayer: Replayer, rest: Fit, stops: Sequence[Part], others: Sequence[_Tried] = ()
+) -> list[_Tried]:
+    """Return the stops that leave least, among others that were tried before.
+
+    Args:
+        replayer: replays hypotheses.
+        rest: the other causes.
+        stops: the stops.
+        others: stops that were tried before.
+    """
+    residuals = replayer.residuals([[*rest.hypothesis, part] for part in stops])
+    tried = [(float(np.sum(r**2)), r, part) for r, part in zip(residuals, stops, strict=True)]
+    found = [one for one in (*others, *tried) if np.isfinite(one[0])]
+    return sorted(found, key=lambda one: one[0])[:TRIED]
+
+
+def _others(stop: Part) -> list[Part]:
+    """Return a stop with the other values of its stiffness."""
+    candidate, values = stop
+    return [
+        (candidate, {**values, "stiffness": values["stiffness"] * factor / STIFF})
+        for factor in OTHERS
+    ]
 
 
 def _joints(system: System, location: Location) -> Sequence[str]:
@@ -130,9 +158,7 @@ def _description(fitted: Fit) -> str:
     return f"an end stop of {joint} at {where}, at the {end} of its motion,"
 
 
-def _stops(
-    system: System, records: Sequence[Record], joint: str
-) -> list[tuple[Candidate, dict[str, float]]]:
+def _stops(system: System, records: Sequence[Record], joint: str) -> list[Part]:
     """Return stops of a joint at both ends of its motion, each with values to start from."""
     column = records[0].model.joint(joint).qposadr[0]
     motion = np.concatenate([record.qpos[:, column] for record in records])
@@ -142,16 +168,13 @@ def _stops(
     force, size = typical_scales.joint_force(system, own)
     stiff = size / travel
     stiffness = Parameter("stiffness", f"{force}/{unit}", stiff, 0.0, 0.0, 1e4 * stiff)
-    found = []
+    found: list[Part] = []
     for note, first, last in ((UPPER, low, high), (LOWER, high, low)):
         starts = tuple(first + share * (last - first) for share in POSITIONS)
         hints = SearchHints(starts)
         position = Parameter("position", unit, 0.05 * travel, 0.0, low, high, starts[0], hints)
         stop = Candidate(CAUSE, replace(own, note=note), (stiffness, position))
-        found += [
-            (stop, {"stiffness": factor * stiff, "position": start})
-            for factor, start in product(STIFF, starts)
-        ]
+        found += [(stop, {"stiffness": STIFF * stiff, "position": at}) for at in starts]
     return found
 
 

@@ -128,29 +128,41 @@ def form_errors(replayer: Replayer, tolerances: Sequence[Tolerance]) -> list[Flo
     """Return how other forms of tolerated friction change the readings, shape (n,) each.
 
     A little friction has a form that no log shows: the travel before it slips may be a third of the
-    usual one, or three times as long.
+    usual one, or three times as long. Kinds of friction at one location have errors alike, and the
+    largest stands for them.
 
     Args:
         replayer: replays hypotheses.
         tolerances: the tolerances.
     """
-    replays, pairs = list[Hypothesis](), list[tuple[int, int]]()
+    largest = dict[Location, Tolerance]()
     for one in tolerances:
-        forms = [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
-        visible = np.linalg.norm(one.column) > FORM * SEEN
-        if not (one.candidate.cause.sticky and forms and visible):
-            continue
+        before, visible = largest.get(one.candidate.location), _norm(one) > FORM * SEEN
+        if one.candidate.cause.sticky and _forms(one) and visible:
+            largest[one.candidate.location] = max(one, before or one, key=_norm)
+    replays, pairs = list[Hypothesis](), list[tuple[int, int]]()
+    for one in largest.values():
         candidate, values = one.deviation(1.0)
         name, usual = one.parameter.name, len(replays)
         values = {**values, name: values[name] + one.parameter.usual}
         replays.append([(candidate, values)])
-        for p in forms:
+        for p in _forms(one):
             for form in (max(p.low, p.null / FORM), min(p.high, p.null * FORM)):
                 pairs.append((usual, len(replays)))
                 replays.append([(candidate, {**values, p.name: form})])
     residuals = replayer.residuals(replays)
     errors = [residuals[usual] - residuals[other] for usual, other in pairs]
     return [error for error in errors if np.isfinite(error).all()]
+
+
+def _norm(one: Tolerance) -> float:
+    """Return the norm of a tolerance's column [noise]."""
+    return float(np.linalg.norm(one.column))
+
+
+def _forms(one: Tolerance) -> list[Parameter]:
+    """Return the parameters of a tolerance's candidate that no log without the effect shows."""
+    return [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
 
 
 def start_columns(replayer: Replayer) -> list[Floats]:

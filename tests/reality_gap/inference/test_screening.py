@@ -10,6 +10,7 @@ import pytest
 from reality_gap.causes import find_cause
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.inference.tolerances import (
+    Tolerance,
     form_errors,
     list_tolerances,
     tolerance_columns,
@@ -104,6 +105,22 @@ def test_where_tolerated_friction_slips_is_not_known(lever_study: Study, share: 
     used = screening.columns()
     assert all(any(np.array_equal(column, one) for one in used) for column in columns.T)
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(change)
+
+
+def test_the_largest_friction_of_a_location_stands_for_its_form(lever_study: Study) -> None:
+    screening = Screening(lever_study, "coulomb_friction", "load_dependent_friction")
+    at = {"flexor": list[Tolerance](), "extensor": list[Tolerance]()}
+    for one in list_tolerances(screening.found, factor=3.0):
+        if str(one.candidate.location) in at:
+            at[str(one.candidate.location)].append(one)
+    both = [max(some, key=lambda one: np.linalg.norm(one.column)) for some in at.values()]
+
+    assert all(len(some) == 2 for some in at.values())
+    columns = form_errors(screening.replayer, [*at["flexor"], *at["extensor"]])
+
+    expected = form_errors(screening.replayer, both)
+    assert len(columns) == 4
+    assert all(np.array_equal(one, other) for one, other in zip(columns, expected, strict=True))
 
 
 @pytest.mark.parametrize(("id", "count"), [("length_scale", 4), ("tendon_elasticity", 2)])
