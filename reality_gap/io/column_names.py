@@ -17,9 +17,10 @@ HINTS: dict[str, frozenset[str]] = {
     for kind, words in {
         "other": "error err deviation mode status flag temperature temp kp ki kd",
         "command": "target targeted action command commanded cmd ctrl control ref reference "
-        "desired des demand demanded requested setpoint goal u activation excitation soll sollwert",
+        "desired des d demand demanded requested set setpoint sp sv goal u activation excitation "
+        "soll sollwert",
         "position": "length len l pos position angle q theta encoder enc measured meas actual "
-        "state feedback ist istwert winkel",
+        "state feedback fb fbk pv ist istwert winkel",
         "rate": "vel velocity speed rate dq qd omega gyro",
         "force": "tension force torque load effort f tau current moment drehmoment kraft",
         "acceleration": "acceleration accel acc ddq qdd",
@@ -34,10 +35,14 @@ Plurals indicate the same. A column of kind "other" is no reading and no command
 
 QUANTITIES = ("position", "rate", "force", "acceleration", "time")
 """Kinds that commands may have, too: a column may be the command of a position."""
-MEASURED = frozenset({"measured", "meas", "actual", "state", "feedback", "ist", "istwert"})
+MEASURED = frozenset(
+    ["measured", "meas", "actual", "state", "feedback", "fb", "fbk", "pv", "ist", "istwert"]
+)
 """Words that state that a column was measured; without others, that it is a position."""
 LOOSE = (
-    HINTS["time"] | MEASURED | {"l", "q", "f", "u", "enc", "encoder", "load", "current", "moment"}
+    HINTS["time"]
+    | MEASURED
+    | {"l", "q", "f", "u", "d", "enc", "encoder", "load", "current", "moment"}
 )
 """Words that indicate a quantity only where no other word does, as in "actual_velocity"."""
 
@@ -149,7 +154,7 @@ def ending_of(column: str) -> str:
 @lru_cache(maxsize=4096)
 def words_of(name: str) -> tuple[str, ...]:
     """Return the words of a name in lower case; those of `HINTS` in the singular."""
-    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    spaced = re.sub(r"([a-z0-9])([A-Z])|([A-Z])([A-Z][a-z])", r"\1\3 \2\4", name)
     return tuple(_singular(word.lower()) for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
 
 

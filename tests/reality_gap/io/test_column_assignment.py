@@ -80,6 +80,12 @@ LAYOUTS = [
     {"": "demand_{}", "_position": "feedback_{}", "_velocity": "feedback_speed_{}"},
     {"": "action.{}.pos", "_position": "observation.state.{}.pos"},
     {"": "{}Setpoints", "_position": "{}Encoder", "_velocity": "{}EncoderVelocity"},
+    {"": "{}_set_deg", "_position": "{}_act_deg"},
+    {"": "{}.SetPos", "_position": "{}.ActPos", "_force": "{}.ActTorque"},
+    {"": "{}_SP", "_position": "{}_PV"},
+    {"": "{}_cmd", "_position": "{}_fb", "_velocity": "{}_vel_fb"},
+    {"": "{}_d", "_position": "{}"},
+    {"": "q_d_{}", "_position": "q_{}", "_velocity": "dq_{}"},
 ]
 
 
@@ -105,6 +111,20 @@ NUMBERED = [
     },
     {"": "reference.positions.{}", "_position": "feedback.positions.{}"},
 ]
+
+
+@pytest.mark.parametrize(("command", "position"), [("{}Set", "{}Act"), ("Set{}", "Act{}")])
+def test_axes_of_one_letter_in_names_without_separators(command: str, position: str) -> None:
+    xml = ARM
+    for joint, axis in zip(JOINTS, "XY", strict=True):
+        xml = xml.replace(joint, axis)
+    expected = {
+        axis + end: n.format(axis)
+        for axis in "XY"
+        for end, n in (("", command), ("_position", position))
+    }
+    for columns in orders(["t_ms", *expected.values()]):
+        assert single(assigned(xml, columns)) == expected
 
 
 @pytest.mark.parametrize("layout", NUMBERED, ids=" ".join)
