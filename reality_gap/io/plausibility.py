@@ -197,18 +197,25 @@ def missing_length(
         possible, length = lengths[:, i], _driven_at_zero(model, i)
     else:
         return 0.0
-    if length == 0.0 or not any(_is_zeroed(sign * values, possible, length) for sign in (1, -1)):
+    whole = bool(_margins(possible)[0] <= values.min() <= values.max() <= _margins(possible)[1])
+    if length == 0.0 or whole:
         return 0.0
-    return length
+    return length if any(_is_zeroed(s * values, possible, length) for s in (1, -1)) else 0.0
+
+
+def _margins(possible: Floats) -> tuple[float, float]:
+    """Return between what lengths of a model lie, with a margin [m]."""
+    low, high = float(possible.min()), float(possible.max())
+    margin = NEARLY * (high - low)
+    return low - margin, high + margin
 
 
 def _is_zeroed(values: Floats, possible: Floats, length: float) -> bool:
     """Return whether lengths fit the model only with that at ``qpos0`` added."""
-    low, high = float(possible.min()), float(possible.max())
-    margin = NEARLY * (high - low)
+    low, high = _margins(possible)
     begin, end = float(values.min()), float(values.max())
-    fits = low - margin <= begin + length <= end + length <= high + margin
-    return begin < low - margin and fits and end - begin >= LEAST_TRAVEL * (high - low)
+    fits = low <= begin + length <= end + length <= high
+    return begin < low and fits and end - begin >= LEAST_TRAVEL * float(np.ptp(possible))
 
 
 def _zeroed(what: str, values: Floats, possible: Floats, length: float) -> ScaleWarning | None:

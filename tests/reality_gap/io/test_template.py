@@ -97,6 +97,24 @@ def test_lengths_that_are_zero_where_the_model_is_assembled_get_an_offset(
     assert sum("0 at qpos0" in one and "length_flexor" in one for one in notes) == 1
 
 
+def test_whole_lengths_of_a_tendon_that_gets_short_have_no_offset(tmp_path: Path) -> None:
+    """With the other sign, they would also fit as lengths that are 0 at qpos0."""
+    model = tmp_path / "finger.xml"
+    model.write_text(
+        '<mujoco><worldbody><site name="eye" pos="-0.04 0 0"/><body><joint name="slide"'
+        ' type="slide" axis="1 0 0" range="-0.038 0.002" limited="true"/><geom size="0.1"/>'
+        '<site name="hook"/></body></worldbody><tendon><spatial name="cable">'
+        '<site site="eye"/><site site="hook"/></spatial></tendon><actuator>'
+        '<position name="cable" tendon="cable" kp="100"/></actuator>'
+        '<sensor><tendonpos name="length" tendon="cable"/></sensor></mujoco>'
+    )
+    rows = [f"{0.1 * k},{20 + 2 * k},{20 + 2 * k}" for k in range(9)]
+    (tmp_path / "log.csv").write_text("\n".join(["t_s,cable_target_mm,length_mm", *rows]))
+    content = yaml.safe_load(draft_study(model, [tmp_path / "log.csv"]))
+    assert "offset" not in content["sensors"]["length"]
+    assert "offset" not in content["actuators"]["cable"]
+
+
 def test_lengths_of_actuators_that_are_zero_there_get_an_offset(tmp_path: Path) -> None:
     model = tmp_path / "winch.xml"
     model.write_text(
