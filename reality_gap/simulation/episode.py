@@ -11,6 +11,7 @@ import numpy as np
 from mujoco import rollout
 
 from reality_gap.causes.base import Hook, Record, ScheduledHook
+from reality_gap.simulation.closed_loops import set_state
 from reality_gap.types import Floats
 
 PROBE = "reality_gap/"
@@ -80,10 +81,7 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) 
         model = copy.copy(model)  # hooks write into it
     data = mujoco.MjData(model)
     step = model.opt.timestep
-    for name, position in task.joints.items():
-        data.qpos[model.joint(name).qposadr[0]] = position
-    for name, speed in task.speeds.items():
-        data.qvel[model.joint(name).dofadr[0]] = speed
+    set_state(model, data, task.joints, task.speeds)
     for i in range(model.nactuator):
         if model.actuator_actnum[i] == 1 and model.actuator_ctrlnum[i] == 1:
             data.act[model.actuator_actadr[i]] = task.command[0, model.actuator_ctrladr[i]]
