@@ -120,6 +120,18 @@ def _tendon(model: mujoco.MjModel, tendon: int) -> tuple[Units, Units, Units]:
 
 
 def _transmission(model: mujoco.MjModel, actuator: int) -> tuple[Units, Units, Units]:
+    """Return the units of position, rate and force; those of a gear may be of angle or length."""
+    own = _direct(model, actuator)
+    if abs(float(model.actuator_gear[actuator, 0])) == 1.0:
+        return own
+    position, rate, force = (
+        (*some, *(unit for unit in both if unit not in some))
+        for some, both in zip(own, (_POSITIONS, _RATES, _FORCES), strict=True)
+    )
+    return position, rate, force
+
+
+def _direct(model: mujoco.MjModel, actuator: int) -> tuple[Units, Units, Units]:
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     if kind in joint:

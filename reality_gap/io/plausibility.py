@@ -11,7 +11,7 @@ from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.io.unit_guesses import is_endless
 from reality_gap.study.data import Study
 from reality_gap.study.system import commanded
-from reality_gap.types import Floats
+from reality_gap.types import Floats, Ints
 
 SMALL = 0.2
 """Largest angle of a model that may have been meant in radians but read as degrees [rad]."""
@@ -73,7 +73,9 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
         for column, i in enumerate(commanded(model)):
             name = model.actuator(i).name
             units = actuator_units(model, name)
-            if units in (("m",), ("rad",)) and not is_endless(model, "actuators", name):
+            single = len(units) == 1 or (_has_gear(model, i) and len(units) == 2)
+            position = single and set(units) <= {"m", "rad"}
+            if position and not is_endless(model, "actuators", name):
                 values = np.concatenate([episode.command[:, column] for episode in study.episodes])
                 what, possible = f"the command of {name}", lengths[:, [i]]
                 length = _driven_at_zero(model, i)
@@ -85,6 +87,17 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
         for unit, warning in found
         if warning is not None
     )
+
+
+def _has_gear(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether a joint or tendon moves by another amount than the actuator's position."""
+    kinds = (
+        mujoco.mjtTrn.mjTRN_JOINT,
+        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
+        mujoco.mjtTrn.mjTRN_TENDON,
+    )
+    moves = int(model.actuator_trntype[actuator]) in map(int, kinds)
+    return moves and abs(float(model.actuator_gear[actuator, 0])) != 1.0
 
 
 def _large_ranges(model: mujoco.MjModel) -> list[ScaleWarning]:
@@ -170,6 +183,50 @@ def _driven_at_zero(model: mujoco.MjModel, actuator: int) -> float:
         return 0.0
     tendon = int(model.actuator_trnid[actuator, 0])
     return float(model.actuator_gear[actuator, 0] * model.tendon_length0[tendon])
+
+
+def largest_position(
+    model: mujoco.MjModel, part: str, name: str, positions: tuple[Floats, Floats]
+) -> float:
+    """Return the size of the largest position of an element that the limits of joints allow.
+
+    Args:
+        model: the compiled model.
+        part: "sensors", "actuators" or "efforts".
+        name: name of the element in this part of a study.
+        positions: those of `sample_positions`.
+
+    Returns:
+        The size [rad or m]; 0 if a joint without limits moves it, if angles are so large that the
+        model may have them in degrees, or if it is no single position.
+    """
+    if part == "sensors":
+        sensor = model.sensor(name)
+        kind, at = int(sensor.type[0]), int(sensor.objid[0])
+        if kind not in _POSITIONS or int(sensor.dim[0]) != 1:
+            return 0.0
+        values = positions[0][:, int(sensor.adr[0])]
+        is_joint = kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS)
+        actuator = at if kind == int(mujoco.mjtSensor.mjSENS_ACTUATORPOS) else -1
+        joints = np.array([at]) if is_joint else _moving(model, actuator)
+    elif part == "actuators":
+        actuator = int(model.actuator(name).id)
+        values, joints = positions[1][:, actuator], _moving(model, actuator)
+    else:
+        return 0.0
+    hinges = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    ranges = np.abs(model.jnt_range[joints]).max(axis=1, initial=0.0)
+    if not model.jnt_limited[joints].all() or np.any(hinges & (ranges > LARGE)):
+        return 0.0
+    return float(np.abs(values).max())
+
+
+def _moving(model: mujoco.MjModel, actuator: int) -> Ints:
+    """Return the joint that an actuator moves; all joints if it moves something else."""
+    kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    if actuator >= 0 and int(model.actuator_trntype[actuator]) in kinds:
+        return np.array([int(model.actuator_trnid[actuator, 0])])
+    return np.arange(model.njnt)
 
 
 def missing_length(

@@ -17,7 +17,7 @@ from reality_gap.io.column_assignment import Assignment, assign_columns, note_do
 from reality_gap.io.column_guesses import Element
 from reality_gap.io.column_names import guess_time_unit, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
-from reality_gap.io.plausibility import missing_length, sample_positions
+from reality_gap.io.plausibility import largest_position, missing_length, sample_positions
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless
 from reality_gap.io.validation import simple_joints
@@ -99,7 +99,8 @@ def draft_study(
     if not model.nu and (sentence := undriven(simple_joints(model), columns)):
         note(sentence)
     parts, found, free = assignment.parts, assignment.found, assignment.free
-    resting = _resting(model, logs, parts["sensors"], found["sensors"])
+    positions = sample_positions(model)
+    resting = _resting(model, logs, parts["sensors"], found["sensors"], positions)
     for sensor in resting:
         [column] = found["sensors"].pop(sensor)
         note(f"{sensor} was left out of the study: {column} {RESTS}")
@@ -109,7 +110,6 @@ def draft_study(
         *_episodes(logs, found["actuators"], folder, _positions(model, resting), recordings or {}),
         _time(logs, assignment.clock),
     ]
-    positions = sample_positions(model) if model.ntendon else None
     for part, elements in parts.items():
         if elements or part == "sensors":
             chosen = found[part], free, positions
@@ -130,7 +130,7 @@ def _lines(
     elements: Sequence[Element],
     found: dict[str, tuple[str, ...]],
     free: Sequence[str],
-    positions: tuple[Floats, Floats] | None,
+    positions: tuple[Floats, Floats],
     note: Note,
 ) -> list[str]:
     """Return the lines of a part of the study; elements without a column become comments."""
@@ -144,10 +144,11 @@ def _lines(
             shown = shown if element.count == 1 else f"[{shown}]"
             endless = is_endless(model, part, element.name)
             cells = _cells(logs, group[0])
-            unit = guess_unit(group[0], units, cells, endless)
+            largest = largest_position(model, part, element.name, positions)
+            unit = guess_unit(group[0], units, cells, endless, largest)
             if unit.reason:
                 guesses.setdefault(unit.reason, []).append(group[0])
-            if positions and cells is not None:
+            if cells is not None:
                 factor = unit.si(1.0)
                 lacks = missing_length(model, part, element.name, factor * cells, positions)
                 if lacks:
@@ -175,6 +176,7 @@ def _resting(
     logs: Sequence[_Log],
     sensors: Sequence[Element],
     found: dict[str, tuple[str, ...]],
+    positions: tuple[Floats, Floats],
 ) -> dict[str, float]:
     """Return the only value of each sensor that has the same in all logs, in its SI unit.
 
@@ -190,7 +192,9 @@ def _resting(
         held = [log.cells(group[0]) for log in logs if group[0] in log.columns]
         cells = np.concatenate([np.zeros(0), *(one for one in held if one is not None)])
         if len(cells) and np.ptp(cells) == 0.0:
-            unit = guess_unit(group[0], sensor_units(model, element.name) or ("1",), cells)
+            units = sensor_units(model, element.name) or ("1",)
+            largest = largest_position(model, "sensors", element.name, positions)
+            unit = guess_unit(group[0], units, cells, largest=largest)
             values[element.name] = unit.si(float(cells[0]))
     return values
 

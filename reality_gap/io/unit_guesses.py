@@ -13,6 +13,8 @@ from reality_gap.types import Floats
 
 DEGREES, MILLIMETRES = 10.0, 20.0
 """Sizes above which positions are taken as degrees or millimetres, not as rad [rad] or m [m]."""
+FIT = 3.0
+"""Size up to which positions have the unit of a model, over the largest one that it allows."""
 TICKS = 720.0
 """Size above which whole numbers are taken as ticks of an encoder, not as degrees."""
 ONWARD = 0.8
@@ -53,7 +55,11 @@ class UnitGuess(NamedTuple):
 
 
 def guess_unit(
-    column: str, units: tuple[str, ...], cells: Floats | None, endless: bool = False
+    column: str,
+    units: tuple[str, ...],
+    cells: Floats | None,
+    endless: bool = False,
+    largest: float = 0.0,
 ) -> UnitGuess:
     """Return the unit in a column's name, or else a guess from the size of its values.
 
@@ -62,6 +68,7 @@ def guess_unit(
         units: SI units that are valid, the usual one first.
         cells: its values, shape (n,); None if they are unknown.
         endless: whether the joint has no limits, so that a large angle is not unusual.
+        largest: size of the largest position that the model allows [rad or m]; 0 if it allows any.
     """
     named = named_unit(column, units)
     if named:
@@ -69,9 +76,14 @@ def guess_unit(
     size = 0.0 if cells is None else float(np.quantile(np.abs(cells), LONG))
     if cells is None or units[0] not in ("rad", "m"):
         return UnitGuess(units[0])
+    small, usual = ("mm", MILLIMETRES) if units[0] == "m" else ("deg", DEGREES)
+    if largest > 0.0:
+        fits = [u for u in (units[0], small) if parse_unit(u).factor * size <= FIT * largest]
+        if fits:
+            return UnitGuess(fits[0], f"is taken as {small}" if fits[0] == small else "")
     if units[0] == "m":
-        return UnitGuess("mm", "is taken as mm") if size > MILLIMETRES else UnitGuess("m")
-    if size <= DEGREES or (endless and _turns_on(cells)):
+        return UnitGuess("mm", "is taken as mm") if size > usual else UnitGuess("m")
+    if size <= usual or (endless and _turns_on(cells)):
         return UnitGuess("rad")
     if size > TICKS and np.all(cells == np.round(cells)):
         return _ticks(cells)

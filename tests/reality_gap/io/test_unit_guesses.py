@@ -28,6 +28,27 @@ def test_angles(column: str, cells: Floats, endless: bool, unit: str) -> None:
     assert guess_unit(column, ("rad",), cells, endless).unit == unit
 
 
+@pytest.mark.parametrize(
+    ("si", "size", "largest", "unit"),
+    [
+        ("rad", 5.0, 0.1, "deg"),
+        ("rad", 5.0, 3.0, "rad"),
+        ("rad", 60.0, 190.0, "rad"),
+        ("rad", 60.0, 1.5, "deg"),
+        ("m", 15.0, 0.04, "mm"),
+        ("m", 0.02, 0.04, "m"),
+        ("m", 22.0, 63.0, "m"),
+        ("m", 150.0, 0.3, "mm"),
+        ("m", 0.3, 1e-5, "m"),
+    ],
+)
+def test_positions_have_the_unit_that_fits_what_the_model_allows(
+    si: str, size: float, largest: float, unit: str
+) -> None:
+    """A finger and a gantry move little, a motor before a gear far; nothing fits the last one."""
+    assert guess_unit("q", (si,), size * SWING, largest=largest).unit == unit
+
+
 def test_ticks_of_an_encoder() -> None:
     found = guess_unit("q", ("rad",), np.round(2048 + 4096 / (2 * np.pi) * SWING))
     assert found.unit == "rad"
