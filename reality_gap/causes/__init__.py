@@ -29,6 +29,7 @@ MODULES = (
     "position_gain",
     "velocity_gain",
     "command_gain",
+    "gear_ratio",
     "force_scale",
     "force_offset",
     "force_limit",

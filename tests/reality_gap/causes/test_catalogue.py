@@ -50,6 +50,7 @@ IDS = (
     "position_gain",
     "velocity_gain",
     "command_gain",
+    "gear_ratio",
     "armature",
     "gravity_compensation",
     "encoder_scale",

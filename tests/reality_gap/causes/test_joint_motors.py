@@ -107,6 +107,28 @@ def test_a_cause_is_the_model_edited_by_hand(
     np.testing.assert_allclose(found, predict(edited(system, edit)), atol=1e-3)
 
 
+@pytest.mark.parametrize(("names", "factor"), [(("elbow",), 1.1), (BOTH, 0.8)])
+def test_more_turns_of_a_motor_are_more_force_and_a_larger_error(
+    systems: dict[str, System], names: tuple[str, ...], factor: float
+) -> None:
+    """The sensors of the actuators read the force before the gear."""
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        scale_gain(*names, kp=factor**2, kd=factor**2, command=1.0 / factor)(spec)
+        limit(factor, *names)(spec)
+
+    system = systems["arm"]
+    found = with_cause(system, "gear_ratio", Location("actuator", names), excess=factor - 1.0)
+    expected = predict(edited(system, edit))
+    channels = system.study.channels
+    channel = measured(system.study).channel
+    force = int(mujoco.mjtSensor.mjSENS_ACTUATORFRC)
+    motors = [system.model.actuator(name).id for name in names]
+    for i, sensor in enumerate(system.model.sensor(c.sensor) for c in channels):
+        before = factor if sensor.type[0] == force and sensor.objid[0] in motors else 1.0
+        np.testing.assert_allclose(before * found[channel == i], expected[channel == i], atol=1e-3)
+
+
 def test_joints_with_different_values_are_wrong_by_one_factor(systems: dict[str, System]) -> None:
     system = edited(systems["arm"], scale_joint("damping", 3.0, "shoulder"))
     both = Location("joint", BOTH, FACTOR)
@@ -228,6 +250,7 @@ def test_a_servo_with_a_wrong_gear_ratio_reads_its_command(systems: dict[str, Sy
     [
         ("position_gain", ELBOW, {"excess": 3.0}, 1.0),
         ("command_gain", ELBOW, {"excess": 1e-6}, 1.0),
+        ("gear_ratio", ELBOW, {"excess": 0.05}, 1.0),
         ("encoder_scale", AT_ELBOW, {"scale": 1e-6}, 1.0),
         ("armature", AT_ELBOW, {"inertia": 0.01}, 1.0),
         ("force_scale", ELBOW, {"excess": 0.05}, 1.05),
