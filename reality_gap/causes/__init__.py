@@ -30,6 +30,7 @@ MODULES = (
     "velocity_gain",
     "command_gain",
     "gear_ratio",
+    "velocity_feedforward",
     "force_scale",
     "force_offset",
     "force_limit",

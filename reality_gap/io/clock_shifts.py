@@ -17,6 +17,9 @@ from reality_gap.study.data import Study
 
 DELAY = 0.15
 """Lag above which the clocks of two files are different, because no sensor is that late [s]."""
+LATE = "a delay of sensors or commands, motors that are slower than in the model"
+EARLY = "servos with a velocity feed-forward, motors that are quicker than in the model"
+"""Reasons why readings of the file of the commands lag behind a replay, or are ahead of it."""
 
 Note = Callable[[str], None]
 """Called with a sentence on each lag."""
@@ -72,9 +75,8 @@ def correct_clocks(
                 note(f"corrected in {path.name}: {_sentence(part.file, lag)}; it was shifted")
             else:
                 note(
-                    f"{_sentence(part.file, lag)}: a delay of sensors or commands, motors that "
-                    "are slower than in the model, clocks that differ, or another error of the "
-                    "model"
+                    f"{_sentence(part.file, lag)}: {LATE if lag.seconds > 0.0 else EARLY}, clocks "
+                    "that differ, or another error of the model"
                 )
     if shifted:
         _write(path, file, shifted)

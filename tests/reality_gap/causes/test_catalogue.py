@@ -51,6 +51,7 @@ IDS = (
     "velocity_gain",
     "command_gain",
     "gear_ratio",
+    "velocity_feedforward",
     "armature",
     "gravity_compensation",
     "encoder_scale",
