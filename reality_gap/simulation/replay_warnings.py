@@ -142,12 +142,13 @@ def _touches(model: mujoco.MjModel, motions: Sequence[Floats]) -> list[_Touch]:
         model: the model.
         motions: positions of the joints in each episode, shape (k, nq) each.
     """
-    counts, moments = Counter[tuple[int, int]](), 0
+    counts, moments, data = Counter[tuple[int, int]](), 0, mujoco.MjData(model)
     for qpos in motions:
         rows = np.unique(np.linspace(0, len(qpos) - 1, SAMPLES).astype(int))
         moments += len(rows)
         for row in rows:
-            counts.update(set(_touching(model, qpos[row])))
+            data.qpos[:] = qpos[row]
+            counts.update(set(_touching(model, data)))
     return [
         _touch(model, pair, count / moments)
         for pair, count in counts.most_common(MOST)
@@ -155,10 +156,8 @@ def _touches(model: mujoco.MjModel, motions: Sequence[Floats]) -> list[_Touch]:
     ]
 
 
-def _touching(model: mujoco.MjModel, qpos: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield pairs of bodies that touch in a posture."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
+def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, int]]:
+    """Yield pairs of bodies that touch in the posture of the data."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_collision(model, data)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from jmm_agent.mapping.training import load_or_train
 from kengoro.trained_maps import nominal_model
@@ -23,6 +24,7 @@ def test_the_arms_groups_are_the_papers():
     assert sizes == {"neck": (3, 8), "scapula": (4, 10), "shoulder": (8, 10), "forearm": (3, 8)}
 
 
+@pytest.mark.slow
 def test_the_arm_is_learnt_to_a_tenth_of_a_millimetre_and_its_jacobians_are_mujocos(tmp_path):
     """One test, as several processes of a run would each train the map for theirs."""
     source = NominalArm(asset_path("mjcf/kengoro_arm/arm.xml"))

@@ -40,7 +40,7 @@ from reality_gap.study.system import System, compile_system
 
 MODEL = """
 <mujoco model="lever">
-  <option timestep="0.002" integrator="implicitfast"/>
+  <option timestep="0.004" integrator="implicitfast"/>
   <worldbody>
     <camera name="eye" pos="0.2 -1 0"/>
     <site name="flexor_0" pos="0.05 0 0.1"/>
@@ -112,7 +112,7 @@ def _log(seconds: float, phase: float) -> tuple[dict[str, list], dict[str, list]
         angle = 0.5 * np.sin(1.5 * k / 50 + phase)
         data.ctrl[:] = 0.2 - 0.03 * angle, 0.2 + 0.03 * angle
         if k == 0:
-            mujoco.mj_step(model, data, 500)
+            mujoco.mj_step(model, data, 250)
         mujoco.mj_forward(model, data)
         _add(robot, {"time": 0.02 * k})
         for i, tendon in enumerate(("flexor", "extensor")):
@@ -124,7 +124,7 @@ def _log(seconds: float, phase: float) -> tuple[dict[str, list], dict[str, list]
         if k % 5 == 0:
             x, y, z = data.sensor("marker_position").data + random.normal(0, 1e-4, 3)
             _add(camera, {"time": 0.02 * k, "marker_x": x, "marker_y": y, "marker_z": z})
-        mujoco.mj_step(model, data, 10)
+        mujoco.mj_step(model, data, 5)
     return robot, camera
 
 
@@ -133,17 +133,24 @@ def _add(columns: dict[str, list], cells: dict[str, float]) -> None:
         columns.setdefault(name, []).append(round(float(cell), 9))
 
 
+Logs = list[tuple[dict[str, list], dict[str, list]]]
+"""Columns of the logs of each episode: (robot, camera) each."""
+
+
 @pytest.fixture(scope="session")
-def lever_logs() -> list[tuple[dict[str, list], dict[str, list]]]:
+def lever_logs() -> Logs:
     """Logs of two episodes of the machine: (robot, camera) each."""
     return [_log(4.0, 0.0), _log(4.0, 1.0)]
 
 
 @pytest.fixture
-def study_folder(
-    tmp_path: Path, lever_logs: list[tuple[dict[str, list], dict[str, list]]]
-) -> StudyFolder:
+def study_folder(tmp_path: Path, lever_logs: Logs) -> StudyFolder:
     """A good study in its own folder."""
+    return write_lever(tmp_path, lever_logs)
+
+
+def write_lever(path: Path, lever_logs: Logs) -> StudyFolder:
+    """Write the good study with these logs into a folder."""
     logs = {}
     for i, (robot, camera) in enumerate(lever_logs):
         logs[f"robot_{i}.csv"] = {name: list(cells) for name, cells in robot.items()}
@@ -169,8 +176,8 @@ def study_folder(
         },
         "initial": {"settle": 1.0},
     }
-    (tmp_path / "lever.xml").write_text(MODEL, encoding="utf-8")
-    folder = StudyFolder(tmp_path / "STUDY.yaml", content, logs)
+    (path / "lever.xml").write_text(MODEL, encoding="utf-8")
+    folder = StudyFolder(path / "STUDY.yaml", content, logs)
     folder.write()
     return folder
 
@@ -235,6 +242,7 @@ def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
         rejected=()
         if verdict in (Verdict.NAMED, Verdict.NOTHING_WRONG)
         else (Rejected(offset, {"offset": -1.154e-18}, reason, Gain(3.0, -1.0, 7.0)),),
+        notes=(),
     )
 
 
@@ -293,6 +301,34 @@ def _traces(
                 Trace(channel.name, episode.name, channel.unit, noise, time, role[at], *signals)
             )
     return tuple(traces)
+
+
+PLOTS = (
+    "residual_map",
+    "time_traces",
+    "against",
+    "channel_gain",
+    "waterfall",
+    "candidate_evidence",
+    "remainder",
+    "commands",
+    "intervals",
+    "log_intervals",
+)
+"""Functions that make the figures of a page."""
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skips the rendering of pictures, which takes long."""
+    monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
+
+
+@pytest.fixture
+def no_figures(blank_pictures: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skips the figures of pictures, too: texts take hardly any time."""
+    for name in PLOTS:
+        monkeypatch.setattr(f"reality_gap.report.html.{name}", lambda *arguments: None)
 
 
 @pytest.fixture

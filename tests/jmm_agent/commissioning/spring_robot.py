@@ -22,6 +22,8 @@ LIMITS = np.array([[-0.8, 0.8], [-0.7, 0.9], [-1.0, 0.6]])
 START = np.array([0.1, -0.1, -0.2])
 MOTORS = MotorControl(stiffness=9000.0, bias=3.0, limit=40.0)
 HIDDEN = 16
+MOVES = 2
+"""Steps in which the robot moves in a control period."""
 
 
 def nominal_map(seed: int = 0) -> JointMuscleMap:
@@ -87,14 +89,14 @@ class SpringRobot:
         return np.where(self.absent | self.dead, 0.0, pull)
 
     def _move(self, seconds: float) -> None:
-        for _ in range(6):
+        for _ in range(MOVES):
             lengths, arms = self.map.lengths_and_jacobian(self.q)
             tensions = self._tensions(lengths)
             stiff = arms[tensions > MOTORS.bias]
             stiffness = MOTORS.stiffness * (stiff.T @ stiff) + 0.3 * np.eye(len(JOINTS))
             step = np.linalg.solve(stiffness, arms.T @ tensions)
-            share = 1.0 - np.exp(-seconds / 6.0 / 0.03)
-            self.q = np.clip(self.q - share * np.clip(step, -0.02, 0.02), *LIMITS.T)
+            share, most = 1.0 - np.exp(-seconds / MOVES / 0.03), 0.12 / MOVES
+            self.q = np.clip(self.q - share * np.clip(step, -most, most), *LIMITS.T)
 
     def read(self) -> SensorReadings:
         """Run a control period; some are late, and one pauses."""

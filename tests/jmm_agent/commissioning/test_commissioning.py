@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
-from jmm_agent.commissioning.commissioning import Commissioner, CommissioningError
+from jmm_agent.commissioning.commissioning import Commissioner, Commissioning, CommissioningError
 from jmm_agent.commissioning.options import CommissionOptions
 from jmm_agent.errors import AgentError
 from jmm_agent.observation import SensorReadings
@@ -25,10 +27,16 @@ def names(*channels: int) -> set[str]:
     return {MUSCLES[channel] for channel in channels}
 
 
+@cache
+def sound(seed: int) -> tuple[SpringRobot, Commissioning]:
+    """A robot without faults, and the result of its run."""
+    robot = SpringRobot(seed)
+    return robot, run(robot)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_robot_without_faults_gets_no_name(seed: int) -> None:
-    robot = SpringRobot(seed)
-    result = run(robot)
+    _, result = sound(seed)
     assert result.findings == ()
     assert not result.order.changes
     assert result.absent == ()
@@ -36,8 +44,7 @@ def test_a_robot_without_faults_gets_no_name(seed: int) -> None:
 
 
 def test_pulls_are_small_slow_and_one_at_a_time() -> None:
-    robot = SpringRobot(0)
-    result = run(robot)
+    robot, result = sound(0)
     assert result.record is not None
     commands = np.array(robot.written)
     steps = np.abs(np.diff(commands, axis=0))
@@ -190,6 +197,6 @@ def test_arguments_are_checked() -> None:
 
 
 def test_the_same_readings_give_the_same_bits() -> None:
-    results = [run(SpringRobot(1)) for _ in range(2)]
-    assert results[0].measured.tobytes() == results[1].measured.tobytes()
-    assert str(results[0]) == str(results[1])
+    (_, one), other = sound(1), run(SpringRobot(1))
+    assert one.measured.tobytes() == other.measured.tobytes()
+    assert str(one) == str(other)

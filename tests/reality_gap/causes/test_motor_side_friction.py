@@ -41,7 +41,8 @@ def test_the_force_is_that_of_a_simulated_spool(tmp_path: Path, size: Size, unit
         assert left(stretched, (rubbing, friction), of=positions) < 1.3
 
 
-@pytest.mark.parametrize("size", [pytest.param(DRIVE, marks=pytest.mark.slow), FINGER])
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [DRIVE, FINGER])
 def test_it_is_named_beside_the_elasticity_of_the_cable(tmp_path: Path, size: Size) -> None:
     causes = [CATALOGUE[id] for id in KINDS]
     found = diagnose(logged(tmp_path, size), causes=causes, options=Options(suggest=False))

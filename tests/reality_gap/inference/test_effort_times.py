@@ -18,6 +18,8 @@ from reality_gap.report.html import page
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.types import Floats, Ints
 
+pytestmark = pytest.mark.usefixtures("no_figures")
+
 ARM = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
 <body>
 <joint name="hinge" axis="0 1 0" damping="{damping}" armature="0.02" frictionloss="{friction}"/>

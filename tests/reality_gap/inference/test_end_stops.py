@@ -101,7 +101,8 @@ def stopped(end: float) -> Edit:
 
 
 @pytest.mark.parametrize(
-    ("end", "name", "degrees"), [(0.45, "upper", False), (-0.4, "lower", True)]
+    ("end", "name", "degrees"),
+    [pytest.param(0.45, "upper", False, marks=pytest.mark.slow), (-0.4, "lower", True)],
 )
 def test_a_joint_that_runs_into_something_gets_no_name_but_is_located(
     tmp_path: Path, end: float, name: str, degrees: bool

@@ -79,7 +79,9 @@ def test_moved_edges_are_no_gain_of_another_cause(tmp_path: Path) -> None:
     assert not of_delay.pays
 
 
-@pytest.mark.parametrize(("begin", "end"), [(3.85, 6.93), (4.1, 7.3)])
+@pytest.mark.parametrize(
+    ("begin", "end"), [pytest.param(3.85, 6.93, marks=pytest.mark.slow), (4.1, 7.3)]
+)
 def test_a_push_is_named_wherever_it_begins_and_ends(
     tmp_path: Path, begin: float, end: float
 ) -> None:

@@ -48,7 +48,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return Study("arm", path, channels, (episode,), Initial(settle=0.0))
 
 
-@pytest.mark.parametrize("far", [pytest.param((0.3, 1.0), marks=pytest.mark.slow), ()])
+@pytest.mark.slow
+@pytest.mark.parametrize("far", [(0.3, 1.0), ()])
 def test_a_strong_spring_that_rests_elsewhere_is_the_only_cause(
     study: Study, monkeypatch: pytest.MonkeyPatch, far: tuple[float, ...]
 ) -> None:

@@ -17,6 +17,8 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from tests.reality_gap.servo_arm import ARM, STUDY
 
+pytestmark = pytest.mark.usefixtures("no_figures")
+
 STEP, NOMINAL, PERIOD, NOISE, LATE = 0.002, 0.01, 0.02, 3e-4, 0.02
 KINDS = ("armature", "viscous_friction", "link_mass", "velocity_gain", "actuator_lag")
 
@@ -68,7 +70,9 @@ def test_a_log_of_finer_steps_is_not_taken_for_a_simulated_one(tmp_path: Path) -
     assert "simulated with this model" not in report
 
 
-@pytest.mark.parametrize(("step", "own"), [(STEP, True), (STEP / 16, False)])
+@pytest.mark.parametrize(
+    ("step", "own"), [(STEP, True), pytest.param(STEP / 16, False, marks=pytest.mark.slow)]
+)
 def test_a_fault_has_its_size_in_both(tmp_path: Path, step: float, own: bool) -> None:
     found, _ = diagnosis(tmp_path, step, 1.5 * NOMINAL)
 
@@ -89,9 +93,8 @@ def test_the_error_of_the_step_is_that_of_the_machine_with_its_fault(tmp_path: P
     assert found.rms_after == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.parametrize(
-    ("step", "own"), [(STEP / 16, False), pytest.param(STEP, True, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "own"), [(STEP / 16, False), (STEP, True)])
 def test_large_faults_make_no_log_a_simulated_one(tmp_path: Path, step: float, own: bool) -> None:
     """About them the error of a step is so different that none was nearer to it."""
     study = study_of(tmp_path, step, 4.0 * NOMINAL)

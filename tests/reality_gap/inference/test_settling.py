@@ -93,7 +93,7 @@ def pendulum(folder: Path, mass: float, length: float, seed: int) -> Study:
 @pytest.mark.parametrize(
     ("mass", "length", "seed"),
     [
-        (0.5, 0.1, 0),
+        pytest.param(0.5, 0.1, 0, marks=pytest.mark.slow),
         pytest.param(0.5, 0.1, 1, marks=pytest.mark.slow),
         pytest.param(0.02, 0.03, 2, marks=pytest.mark.slow),
         pytest.param(40.0, 0.6, 3, marks=pytest.mark.slow),

@@ -201,7 +201,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "negative settle": (_set("initial", "settle", value=-1), ("settle", "0 or more")),
     "settles for ever": (
         _set("initial", "settle", value=1e9),
-        ("more than 1e+08 steps of the model's timestep, 0.002 s", "shorten settle"),
+        ("more than 1e+08 steps of the model's timestep, 0.004 s", "shorten settle"),
     ),
     "list for keys": (_set("sensors", value=["length_flexor"]), ("keys and values",)),
     "millimetres as metres": (

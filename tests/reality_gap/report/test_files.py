@@ -38,6 +38,7 @@ def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("reality_gap.report.files.write_report", write)
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_the_report_is_a_page(diagnosed: Make, lever_study: Study, tmp_path: Path) -> None:
     write_diagnosis(diagnosed(Verdict.NAMED), lever_study, tmp_path / "out")
 
@@ -162,7 +163,7 @@ def test_the_verdict_has_the_notes_on_the_study(
 def test_a_study_that_was_not_checked_is_checked_when_files_are_written(
     diagnosed: Make, study_folder: Any, tmp_path: Path
 ) -> None:
-    diagnosis = diagnosed(Verdict.UNEXPLAINED)
+    diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), notes=None)
     del study_folder.content["sensors"]["tension_flexor"]["scale"]
     study, out = load_study(study_folder.write()), tmp_path / "out"
 

@@ -50,12 +50,6 @@ class Reader(HTMLParser):
             self.text += data
 
 
-@pytest.fixture
-def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skips the rendering of pictures, which takes most of the time."""
-    monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
-
-
 def read(html: str) -> Reader:
     """Parse a page; white space in its text becomes one blank."""
     reader = Reader()
@@ -93,7 +87,7 @@ def test_a_named_cause_has_readable_units(diagnosed: Make, lever_study: Study) -
 
 
 @pytest.mark.parametrize(("chance", "mentioned"), [(0.31, True), (0.01, False), (None, False)])
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_the_probability_of_an_unknown_cause_is_mentioned(
     chance: float | None, mentioned: bool, diagnosed: Make, lever_study: Study
 ) -> None:
@@ -104,7 +98,7 @@ def test_the_probability_of_an_unknown_cause_is_mentioned(
     assert ("with a probability of 31 % none of the known causes is right" in found) is mentioned
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("verdict", [Verdict.NAMED, Verdict.PARTLY_NAMED])
 def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
     verdict: Verdict, diagnosed: Make, lever_study: Study
@@ -130,7 +124,7 @@ def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
     assert partly is (verdict is Verdict.PARTLY_NAMED)
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("verdict", [Verdict.PARTLY_NAMED, Verdict.UNEXPLAINED])
 def test_an_attempt_is_shown_with_its_values_and_is_no_change(
     verdict: Verdict, diagnosed: Make, lever_study: Study
@@ -142,7 +136,7 @@ def test_an_attempt_is_shown_with_its_values_and_is_no_change(
     assert ("The best attempt" in found) is (verdict is Verdict.UNEXPLAINED)
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("met", [False, True])
 def test_a_stop_is_the_likeliest_cause_of_what_is_left(
     met: bool, diagnosed: Make, lever_study: Study
@@ -157,7 +151,7 @@ def test_a_stop_is_the_likeliest_cause_of_what_is_left(
     assert ("depends most on velocity sign of elbow" in found) is met
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("verdict", Verdict)
 def test_a_page_begins_with_the_notes_on_the_study(
     verdict: Verdict, diagnosed: Make, lever_study: Study
@@ -176,7 +170,7 @@ def test_a_page_begins_with_the_notes_on_the_study(
         assert "otes on the study" not in without
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_no_share_is_all(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
     share = Share("all", 12.0, 1.0, 1.0)
@@ -236,7 +230,7 @@ def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_st
     assert "learned residual" not in found
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_an_unexplained_error_has_no_name_but_a_dependence(
     diagnosed: Make, lever_study: Study
 ) -> None:
@@ -261,7 +255,7 @@ def test_without_a_named_cause_there_are_no_candidates_to_distinguish(
     assert "halve the uncertainty" not in found
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = replace(diagnosed(Verdict.NAMED), study="<script>alert(1)</script>")
 
@@ -281,7 +275,7 @@ def test_a_model_that_diverges_has_a_page(diagnosed: Make, lever_study: Study) -
     assert "it diverges on this log" in found
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_equal_diagnoses_have_equal_pages(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
 
@@ -330,7 +324,7 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
     return bad, study
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("no_figures")
 def test_names_from_untrusted_files_are_text_only(hostile: tuple[Diagnosis, Study]) -> None:
     found = read(page(*hostile))
 

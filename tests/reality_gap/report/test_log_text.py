@@ -71,10 +71,8 @@ def test_the_terminal_shows_what_the_log_cannot(several: Diagnosis) -> None:
     assert flat_line(replace(several, flat=())) == ""
 
 
-def test_the_report_has_both(
-    several: Diagnosis, lever_study: Study, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
+@pytest.mark.usefixtures("no_figures")
+def test_the_report_has_both(several: Diagnosis, lever_study: Study) -> None:
     text = page(several, lever_study)
     for part in (
         "<td>tuesday</td><td>friction</td><td>5.00 N</td>",
@@ -104,10 +102,8 @@ def test_the_verdict_has_both(several: Diagnosis) -> None:
     assert [one["elements"] for one in second["candidates"]] == [["flexor"], ["extensor"]]
 
 
-def test_what_acts_in_one_log_is_not_in_the_model(
-    several: Diagnosis, lever_study: Study, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
+@pytest.mark.usefixtures("no_figures")
+def test_what_acts_in_one_log_is_not_in_the_model(several: Diagnosis, lever_study: Study) -> None:
     friction = several.causes[0]
     location = replace(friction.candidate.location, log="tuesday")
     more = replace(friction, candidate=replace(friction.candidate, location=location))

@@ -144,6 +144,7 @@ def test_a_check_names_the_error_of_the_model_and_the_step_of_replays(tmp_path: 
     assert sentence.endswith("(replays have 8 ms)")
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_heavier_link_is_found_although_the_step_is_too_coarse(tmp_path: Path) -> None:
     study = study_of(tmp_path, FINE, 3e-4, mass=0.6)
     causes = [CATALOGUE[id] for id in ("link_mass", "joint_offset", "joint_stiffness")]
