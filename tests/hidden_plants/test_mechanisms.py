@@ -20,6 +20,8 @@ from hidden_plants.secret import CATALOGUE, OUTSIDE, Effect
 ASSETS = Path(__file__).parents[2] / "assets" / "mjcf" / "kengoro_arm"
 NOISE = {"length": 1e-4, "tension": 1.0, "marker": 1e-3}
 IDS = (*CATALOGUE, *OUTSIDE)
+SECONDS = 2.0
+"""Duration of an episode, after a second in which it settles."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,8 @@ def elbow() -> Machine:
 @lru_cache
 def plan(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
     """Initial posture and targets of the first episode of a motion."""
-    return episodes(machine, 0, 20.0)[0]
+    initial, targets = episodes(machine, 0, 20.0)[0]
+    return initial, targets[: round(SECONDS / 0.02)]
 
 
 def signals(machine: Machine, *effects: Effect, start: float = 14.0) -> dict[str, np.ndarray]:
@@ -39,7 +42,7 @@ def signals(machine: Machine, *effects: Effect, start: float = 14.0) -> dict[str
     robot = build(machine, mismatch, effects)
     initial, targets = plan(machine)
     time = 0.02 * np.arange(len(targets))
-    trace = run_task(robot, Task(time, targets, initial, 4.0, start))
+    trace = run_task(robot, Task(time, targets, initial, SECONDS, start))
     return clean_readings(robot, trace, time + 0.01, time[::5] + 0.01)
 
 
@@ -56,6 +59,8 @@ def visible(machine: Machine, id: str) -> Effect:
         choices = [structure for structure in choices if structure.elements == ("biceps_2",)]
     if id == "external_force":
         choices = [structure for structure in choices if structure.shape["every_episode"]]
+    if id == "hard_stop":
+        choices = [structure for structure in choices if structure.shape["side"] < 0.0]
     return MECHANISMS[id].effect(choices[0], MECHANISMS[id].typical)
 
 

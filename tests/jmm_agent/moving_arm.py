@@ -6,6 +6,7 @@ number of the moment at which it was taken; the detector returns the marker's po
 
 from __future__ import annotations
 
+from copy import copy, deepcopy
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,13 @@ class MovingArm:
         self.hand = hand or MovingHand()
         self.hand.arm = self
         self.agent.begin_episode()
+
+    def copied(self) -> MovingArm:
+        """A copy with an agent and a hand of its own, which goes on as this arm would."""
+        hand = copy(self.hand)
+        hand.rng = deepcopy(hand.rng)
+        hand.arm = deepcopy(self, {id(self.hand): hand})
+        return hand.arm
 
     @property
     def time(self) -> float:

@@ -121,7 +121,7 @@ class Snapped(Trial):
         return readings._replace(lengths=lengths, tensions=tensions)
 
 
-@pytest.mark.parametrize("muscle", ["biceps", "trap_mid"])
+@pytest.mark.parametrize("muscle", ["biceps", pytest.param("trap_mid", marks=pytest.mark.slow)])
 def test_nothing_depends_on_a_muscle_that_is_left_out(
     muscle: str, nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:

@@ -5,6 +5,9 @@ Robot, map and marker are those of `test_permanent_elongation`: a small map, all
 
 from __future__ import annotations
 
+from copy import deepcopy
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -45,15 +48,25 @@ class Robot:
         assert seen.learned, seen.reason
         return seen.zeroed
 
-    def learn(self) -> None:
-        self.vision.begin()
-        for q in TRUE[:BEFORE]:
-            assert not self.observe(q)
-
     def error_mm(self) -> float:
         """RMS error of the map over other postures [mm]."""
         true = make_map(0).lengths(TEST) + 0.015 - self.shift
         return float(1e3 * np.sqrt(np.mean((self.learner.map.lengths(TEST) - true) ** 2)))
+
+
+@cache
+def learned_once(**options: object) -> Robot:
+    """A robot that has learned from `BEFORE` observations."""
+    robot = Robot(**options)
+    robot.vision.begin()
+    for q in TRUE[:BEFORE]:
+        assert not robot.observe(q)
+    return robot
+
+
+def learned(**options: object) -> Robot:
+    """A copy of such a robot."""
+    return deepcopy(learned_once(**options))
 
 
 @pytest.mark.parametrize("fit", ["together", "rests"])
@@ -61,8 +74,7 @@ class Robot:
 def test_what_was_learned_of_shape_stays_and_offsets_are_learned_again(
     announced: bool, fit: str
 ) -> None:
-    robot, fresh = Robot(fit=fit), Robot(fit=fit)
-    robot.learn()
+    robot, fresh = learned(fit=fit), Robot(fit=fit)
     assert robot.error_mm() < SHAPE_ERROR
     robot.vision.begin()
     if announced:
@@ -81,8 +93,7 @@ def test_what_was_learned_of_shape_stays_and_offsets_are_learned_again(
 
 @pytest.mark.parametrize("elongated", [(), (2,), (0, 3)])
 def test_no_zeroing_is_noticed_where_there_is_none(elongated: tuple[int, ...]) -> None:
-    robot = Robot()
-    robot.learn()
+    robot = learned()
     robot.vision.begin()
     robot.shift = 0.010 * np.isin(np.arange(5), elongated)
     assert not any(robot.observe(q) for q in TRUE[BEFORE:])
@@ -91,9 +102,8 @@ def test_no_zeroing_is_noticed_where_there_is_none(elongated: tuple[int, ...]) -
 
 
 def test_looking_for_a_zeroing_changes_no_bit_where_there_is_none() -> None:
-    robots = Robot(), Robot(zeroing_recent=0)
+    robots = learned(), learned(zeroing_recent=0)
     for robot in robots:
-        robot.learn()
         robot.vision.begin()
         for q in TRUE[BEFORE:]:
             robot.observe(q)
@@ -107,8 +117,7 @@ def test_looking_for_a_zeroing_changes_no_bit_where_there_is_none() -> None:
 def test_a_zeroing_within_an_episode_is_noticed_once_if_it_is_looked_for(
     recent: int, noticed: int
 ) -> None:
-    robot = Robot(zeroing_recent=recent)
-    robot.learn()
+    robot = learned(zeroing_recent=recent)
     robot.vision.begin()
     noticed_before = [robot.observe(q) for q in TRUE[BEFORE : BEFORE + 3]]
     assert not any(noticed_before)
@@ -119,8 +128,7 @@ def test_a_zeroing_within_an_episode_is_noticed_once_if_it_is_looked_for(
 def test_the_oldest_observations_may_be_forgotten_meanwhile() -> None:
     options = VisionOptions().observations
     small = type(options)(memory=BEFORE)
-    robot = Robot(observations=small)
-    robot.learn()
+    robot = learned(observations=small)
     robot.vision.begin()
     robot.shift = SHIFT
     assert sum([robot.observe(q) for q in TRUE[BEFORE:]]) == 1
@@ -129,8 +137,7 @@ def test_the_oldest_observations_may_be_forgotten_meanwhile() -> None:
 
 
 def test_a_memory_of_earlier_takes_a_zeroing_back() -> None:
-    robot = Robot()
-    robot.learn()
+    robot = learned()
     before = robot.vision.memory
     robot.vision.zeroed()
     assert (robot.vision.elongated > 0).all()
@@ -139,10 +146,9 @@ def test_a_memory_of_earlier_takes_a_zeroing_back() -> None:
 
 
 def test_pairs_of_before_are_not_learned_with_the_observation_that_shows_a_zeroing() -> None:
-    robots = Robot(), Robot()
+    robots = learned(), learned()
     old = Pairs(TRUE[:1] + 0.1, make_map(0).lengths(TRUE[:1]) + 0.03, np.array([1e-3]))
     for robot, pairs in zip(robots, (None, old), strict=True):
-        robot.learn()
         robot.vision.begin()
         robot.shift = 3.0 * SHIFT
         assert robot.observe(TRUE[BEFORE], pairs)

@@ -48,6 +48,7 @@ def missed_deg(session: Session, posture: Floats) -> float:
     return float(np.degrees(np.sqrt(np.mean((session.truth["joint_angles"] - posture) ** 2))))
 
 
+@pytest.mark.slow
 def test_exchanged_muscles_are_exchanged_back_and_the_memory_keeps_it(
     maps: Path, tmp_path: Path
 ) -> None:

@@ -470,7 +470,7 @@ def test_a_photograph_shows_no_hand_and_a_second_hand_two(studio: Studio) -> Non
     assert np.linalg.norm(pixels[0] - pixels[1]) > 60.0
 
 
-@pytest.mark.parametrize("seed", [9002, 9012])
+@pytest.mark.parametrize("seed", [9002, pytest.param(9012, marks=pytest.mark.slow)])
 def test_in_a_scene_the_own_hand_moves_and_the_other_one_is_still_or_moves_too(
     studio: Studio, seed: int
 ) -> None:

@@ -27,6 +27,7 @@ def test_a_mass_within_its_mismatch_is_not_seen() -> None:
     assert Oracle(stranger).distance(effect) < THRESHOLD
 
 
+@pytest.mark.slow
 def test_an_effect_within_a_mismatch_of_its_kind_is_not_seen_where_deviations_grow() -> None:
     """In open loop the changes are not linear, so that linear mismatches do not make up for it."""
     stranger = make_stranger(431, 4.0)

@@ -77,7 +77,9 @@ def test_a_call_returns_a_result_and_reports_shares() -> None:
     assert ends(number)
 
 
-@pytest.mark.parametrize("kind", ["script", "standard input", "interactive", "-c"])
+@pytest.mark.parametrize(
+    "kind", ["script", "standard input", "interactive", pytest.param("-c", marks=pytest.mark.slow)]
+)
 def test_programs_without_a_guard_can_train(kind: str, tmp_path: Path) -> None:
     # In a folder whose files have names of modules that torch and this package import.
     for name in ("types", "random", "torch", "jmm_agent"):

@@ -4,6 +4,7 @@ import logging
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.recipe import Recipe, TrainingError
+from jmm_agent.mapping.torch_process import TorchProcess
 from jmm_agent.mapping.training import content_hash, load_or_train, train
 from jmm_agent.nominal_model import NominalModelError
 from tests.jmm_agent.straight_muscles import (
@@ -23,6 +25,14 @@ from tests.jmm_agent.straight_muscles import (
 )
 
 QUICK = Recipe(hidden=60, samples=2000, steps=20)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_process():
+    """Trains all maps in one process: to start one with torch takes longer than the training."""
+    with TorchProcess() as process, pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jmm_agent.mapping.training.TorchProcess", lambda: nullcontext(process))
+        yield
 
 
 def postures_inside(of, count, seed=7):
@@ -143,7 +153,7 @@ def test_the_chain_is_learnt_to_a_tenth_of_a_millimetre():
         assert history[-1] < 0.1 * history[0]
 
 
-@pytest.mark.parametrize("threads", ["1", "3"])
+@pytest.mark.parametrize("threads", [pytest.param("1", marks=pytest.mark.slow), "3"])
 def test_the_same_seed_trains_the_same_bits_in_another_process(tmp_path, kept, threads):
     program = (
         "import sys; from tests.jmm_agent.straight_muscles import nominal_model;"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jmm_agent.types import Floats
+from jmm_agent.types import Floats, Ints
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.can_shape import CanShape
 
@@ -73,18 +73,36 @@ def picture(camera: Camera, pose: Floats, items: Sequence[Item]) -> Floats:
     part = (np.arange(RAYS) + 0.5) / RAYS - 0.5
     y = (np.arange(camera.height)[:, None] + part).ravel()
     x = (np.arange(camera.width)[:, None] + part).ravel()
-    rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1)) @ pose[:3, :3].T
-    eye = pose[:3, 3]
+    rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1)).reshape(-1, 3) @ pose[:3, :3].T
+    eye, sizes = pose[:3, 3], np.linalg.norm(rays, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
-        colour = np.where(np.isfinite(distance)[..., None], WOOD, WALL)
+        distance = np.where(rays[:, 2] < 0, -eye[2] / rays[:, 2], np.inf)
+        colour = np.where(np.isfinite(distance)[:, None], WOOD, WALL)
         for item in items:
             cast = {StandingCan: _can, Ball: _ball, Box: _box}[type(item)]
-            there, shown = cast(item, eye, rays)  # type: ignore[operator]
-            nearer = there < distance
-            colour[nearer], distance = shown[nearer], np.where(nearer, there, distance)
+            near = _near(item, eye, rays, sizes)
+            there, shown = cast(item, eye, rays[near])  # type: ignore[operator]
+            nearer = there < distance[near]
+            colour[near[nearer]], distance[near[nearer]] = shown[nearer], there[nearer]
     shape = (camera.height, RAYS, camera.width, RAYS, 3)
     return np.asarray(colour.reshape(shape).mean(axis=(1, 3)))
+
+
+def _near(item: Item, eye: Floats, rays: Floats, sizes: Floats) -> Ints:
+    """Indices of the rays (k, 3) of some sizes (k,) that meet a sphere around an item."""
+    if isinstance(item, Ball):
+        middle, radius = np.array(item.middle), item.radius
+    elif isinstance(item, Box):
+        low, high = np.array(item.low), np.array(item.high)
+        middle, radius = (low + high) / 2, float(np.linalg.norm(high - low) / 2)
+    else:
+        middle = np.array(item.foot) + [0.0, 0.0, item.shape.height / 2]
+        radius = float(np.hypot(item.shape.radius, item.shape.height / 2))
+    away = middle - eye
+    squared = away @ away - (1.001 * radius) ** 2
+    if squared <= 0.0:
+        return np.arange(len(rays))
+    return np.flatnonzero(rays @ away > sizes * np.sqrt(squared))
 
 
 def _can(item: StandingCan, eye: Floats, rays: Floats) -> tuple[Floats, Floats]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from tests.reality_gap.causes.candidates import candidate
 
 NOISE = 1e-4
 """Noise of the encoders [rad]."""
+slow = partial(pytest.param, marks=pytest.mark.slow)
 SWING = """<mujoco><option timestep="0.002" integrator="implicitfast"/>
 <default><joint axis="0 1 0" stiffness="0.5" damping="0.02"/></default><worldbody>
 <body name="upper"><joint name="shoulder"/>
@@ -112,7 +114,7 @@ def test_large_effects_of_small_deviations_are_not_taken_for_a_fault(
     assert corrected < 1.3
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [slow(1), 2, slow(3)])
 def test_deviations_that_grow_with_the_time_are_found(tmp_path: Path, seed: int) -> None:
     """Each is of 1.5 tolerances, so that their prior alone leaves 1.1."""
     with Replayer(study_of(tmp_path, [], FALLING)) as replayer:
