@@ -96,7 +96,7 @@ def _near(item: Item, eye: Floats, rays: Floats, sizes: Floats) -> Ints:
         low, high = np.array(item.low), np.array(item.high)
         middle, radius = (low + high) / 2, float(np.linalg.norm(high - low) / 2)
     else:
-        middle = np.array(item.foot) + [0.0, 0.0, item.shape.height / 2]
+        middle = np.add(item.foot, (0.0, 0.0, item.shape.height / 2))
         radius = float(np.hypot(item.shape.radius, item.shape.height / 2))
     away = middle - eye
     squared = away @ away - (1.001 * radius) ** 2

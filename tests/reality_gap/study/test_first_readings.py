@@ -100,13 +100,13 @@ MODEL = ARM.format(step=0.001, integrator="implicitfast", armature=0.005, rotor=
 NOISE = 5e-4
 
 
-def write_log(folder: Path, offset: float = 0.0, scale: float = 1.0) -> Path:
+def write_log(folder: Path, offset: float = 0.0, scale: float = 1.0, seconds: float = 7.7) -> Path:
     """Log of the arm's own simulation from the middle of a motion on, with a wrong encoder."""
     (folder / "arm.xml").write_text(MODEL)
     (folder / "STUDY.yaml").write_text(STUDY.format(noise=NOISE))
     model = mujoco.MjModel.from_xml_string(MODEL)
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(3), []
-    for k in range(1000):
+    for k in range(230 + round(100 * seconds)):
         time = 0.01 * k
         data.ctrl[:] = 0.4 * np.sin(3.0 * time), 0.5 * np.cos(4.0 * time)
         if k >= 230:
@@ -119,7 +119,7 @@ def write_log(folder: Path, offset: float = 0.0, scale: float = 1.0) -> Path:
 
 
 def test_a_large_error_of_a_zero_is_named_in_a_log_that_begins_in_a_motion(tmp_path: Path) -> None:
-    study = load_study(write_log(tmp_path, offset=-0.3))
+    study = load_study(write_log(tmp_path, offset=-0.3, seconds=4.0))
     ids = ("joint_offset", "force_offset", "encoder_scale", "centre_of_mass", "link_mass")
     found = diagnose(study, causes=[find_cause(id) for id in ids], options=Options(suggest=False))
 
