@@ -84,9 +84,9 @@ def test_corners_are_where_the_detector_finds_them() -> None:
 
 def test_a_robot_observes_and_learns(request: pytest.FixtureRequest) -> None:
     maps: Path = request.config.cache.mkdir("maps")
-    sizes = Sizes(postures=4, move=1.0, patience=1.5)
+    sizes = Sizes(postures=3, move=1.0, patience=1.5)
     result = run(ACTUAL, SEED, sizes, maps)
-    assert len(result["visits"]["target"]) == 4
+    assert len(result["visits"]["target"]) == 3
     assert result["fired"] >= 2
     before, after = result["before"], result["after"]
     assert before["seen"] is not None
