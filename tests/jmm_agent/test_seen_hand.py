@@ -148,7 +148,7 @@ def test_what_was_learned_survives_a_file(
         np.testing.assert_array_equal(one.covariance, saved.covariance)
 
 
-@pytest.mark.parametrize("where", ["step", "process"])
+@pytest.mark.parametrize("where", ["step", pytest.param("process", marks=pytest.mark.slow)])
 def test_beside_the_loop_a_log_repeats_the_run_to_the_bit(
     nominal_map: JointMuscleMap, arm: ArmKinematics, where: Any
 ) -> None:

@@ -49,7 +49,12 @@ def logged(folder: Path, stiffness: float, gear: float = 1.0) -> Study:
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "gear"), [pytest.param(0.8, 1.0, marks=pytest.mark.slow), (2.0, 1.0), (8.0, 2.0)]
+    ("stiffness", "gear"),
+    [
+        pytest.param(0.8, 1.0, marks=pytest.mark.slow),
+        pytest.param(2.0, 1.0, marks=pytest.mark.slow),
+        (8.0, 2.0),
+    ],
 )
 def test_a_spring_may_be_as_stiff_as_the_servo_that_holds_its_joint(
     tmp_path: Path, stiffness: float, gear: float
