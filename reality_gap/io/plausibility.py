@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.io.dimensions import actuator_units, sensor_units
-from reality_gap.io.unit_guesses import is_endless
+from reality_gap.io.unit_guesses import is_endless, joint_of
 from reality_gap.study.data import Study
 from reality_gap.study.system import commanded
 from reality_gap.types import Floats, Ints
@@ -91,12 +91,8 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
 
 def _has_gear(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether a joint or tendon moves by another amount than the actuator's position."""
-    kinds = (
-        mujoco.mjtTrn.mjTRN_JOINT,
-        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
-        mujoco.mjtTrn.mjTRN_TENDON,
-    )
-    moves = int(model.actuator_trntype[actuator]) in map(int, kinds)
+    of_tendon = int(model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+    moves = of_tendon or joint_of(model, actuator) >= 0
     return moves and abs(float(model.actuator_gear[actuator, 0])) != 1.0
 
 
@@ -197,8 +193,8 @@ def largest_position(
         positions: those of `sample_positions`.
 
     Returns:
-        The size [rad or m]; 0 if a joint without limits moves it, if angles are so large that the
-        model may have them in degrees, or if it is no single position.
+        The size [rad or m]; 0 if a joint without limits moves it, if angles are so large or small
+        that the model may have them in another unit, or if it is no single position.
     """
     if part == "sensors":
         sensor = model.sensor(name)
@@ -216,17 +212,16 @@ def largest_position(
         return 0.0
     hinges = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
     ranges = np.abs(model.jnt_range[joints]).max(axis=1, initial=0.0)
-    if not model.jnt_limited[joints].all() or np.any(hinges & (ranges > LARGE)):
+    doubtful = hinges & ((ranges < SMALL) | (ranges > LARGE))
+    if not model.jnt_limited[joints].all() or doubtful.any():
         return 0.0
     return float(np.abs(values).max())
 
 
 def _moving(model: mujoco.MjModel, actuator: int) -> Ints:
     """Return the joint that an actuator moves; all joints if it moves something else."""
-    kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    if actuator >= 0 and int(model.actuator_trntype[actuator]) in kinds:
-        return np.array([int(model.actuator_trnid[actuator, 0])])
-    return np.arange(model.njnt)
+    joint = joint_of(model, actuator) if actuator >= 0 else -1
+    return np.array([joint]) if joint >= 0 else np.arange(model.njnt)
 
 
 def missing_length(

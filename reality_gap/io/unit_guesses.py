@@ -118,14 +118,14 @@ def is_endless(model: mujoco.MjModel, part: str, name: str) -> bool:
     if part == "sensors" and int(model.sensor(name).type[0]) in _JOINTPOS:
         joint = int(model.sensor(name).objid[0])
         if int(model.sensor(name).type[0]) == _ACTUATORPOS:
-            joint = _joint_of(model, joint)
+            joint = joint_of(model, joint)
     elif part == "actuators":
-        joint = _joint_of(model, int(model.actuator(name).id))
+        joint = joint_of(model, int(model.actuator(name).id))
     hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
     return joint >= 0 and int(model.jnt_type[joint]) == hinge and not model.jnt_limited[joint]
 
 
-def _joint_of(model: mujoco.MjModel, actuator: int) -> int:
+def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     """Return the id of the joint that an actuator moves; -1 if it moves something else."""
     if int(model.actuator_trntype[actuator]) not in _JOINT_TRANSMISSIONS:
         return -1

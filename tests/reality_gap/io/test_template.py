@@ -152,6 +152,31 @@ def test_a_servo_before_a_gear_is_commanded_in_its_own_angle(
     assert content["sensors"]["z_read"]["unit"] == "mm"
 
 
+@pytest.mark.parametrize(
+    ("limits", "size", "unit"),
+    [
+        ("-2 2", 5.0, "rad"),
+        ("-1 1", 5.0, "deg"),
+        ("-0.05 0.05", 2.0, "rad"),
+        ("-170 170", 90, "deg"),
+    ],
+)
+def test_limits_in_another_unit_do_not_decide(
+    tmp_path: Path, limits: str, size: float, unit: str
+) -> None:
+    """The last two may be radians that were read as degrees, and degrees as radians."""
+    model = tmp_path / "hinge.xml"
+    model.write_text(
+        '<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" limited="true"'
+        f' range="{limits}"/><geom size="0.1"/></body></worldbody><actuator>'
+        '<position name="j" joint="j" kp="1"/></actuator></mujoco>'
+    )
+    rows = [f"{0.1 * k},{size * np.sin(k):.6g}" for k in range(30)]
+    (tmp_path / "log.csv").write_text("\n".join(["t_s,j_cmd", *rows]))
+    content = yaml.safe_load(draft_study(model, [tmp_path / "log.csv"]))
+    assert content["actuators"]["j"]["unit"] == unit
+
+
 @pytest.mark.parametrize("unit", ["rad", "m"])
 def test_a_command_before_a_gear_may_be_an_angle(tmp_path: Path, unit: str) -> None:
     test_a_servo_before_a_gear_is_commanded_in_its_own_angle(tmp_path, True, "m")
