@@ -50,6 +50,7 @@ def verdict(
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.75])
 def test_a_push_that_explains_all_is_named_though_much_can_be_learned(share: float) -> None:
     assert verdict(share, left=1.0) is Verdict.NAMED
+    assert verdict(share, left=1.2) is Verdict.NAMED
 
 
 @pytest.mark.parametrize(("left", "learned"), [(1.4, 0.0), (1.0, 5.0)])
