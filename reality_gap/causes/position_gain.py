@@ -12,7 +12,7 @@ from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Val
 from reality_gap.causes.support import drives, elements, joint_motors
 from reality_gap.study.system import System
 
-SECANTS = (-0.5,)
+SECANTS = (-0.5, -0.9, -0.98)
 """Relative errors at which the cause is screened in addition to a small one."""
 ODDS = -2.0
 """Log odds at tendons [nats]: the scale of the force does nearly the same there."""
@@ -29,8 +29,8 @@ def _has_own_gain(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    hints = SearchHints(secants=elements.secants(system, location, SECANTS))
-    return (Parameter("excess", "1", 0.1, 0.006, -0.97, 9.0, hints=hints),)
+    hints = SearchHints(secants=elements.secants(system, location, SECANTS), absence=True)
+    return (Parameter("excess", "1", 0.1, 0.006, -0.9995, 9.0, hints=hints),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -17,6 +17,7 @@ from reality_gap.inference.gauss_newton import (
     fit,
     fit_stepwise,
     null_fit,
+    profile,
     rescore,
     run_together,
 )
@@ -104,7 +105,8 @@ class Step:
             their profile likelihood where the model is wrong by many noises. There a candidate that
             makes the only cause of ``base`` needless is fitted alone.
         gain: what the best of them adds to the evidence of ``base``, or of a deviation that is no
-            fault beside it [nats].
+            fault beside it; of a first cause that pays with the second one only, what both add
+            without what the second one needs [nats].
         needed: what it must add to be accepted [nats].
     """
 
@@ -187,6 +189,12 @@ def search(
             break
         settled = settle(plain, tried, best)
         problem, step = settled.problem, _judge(settled, settings)
+        pair = None
+        if not step.accepted and best.is_null and problem.noise_model.is_far:
+            pair = _pair(plain, problem, sensitivities, step, settings)
+        if pair:
+            problem, first, step = pair
+            steps.append(first)
         steps.append(step)
         best = step.tried[0] if step.accepted else step.base
         if step.accepted or (best.is_null and problem.noise_model.is_far):
@@ -196,6 +204,41 @@ def search(
         if problem.noise_model.is_far and len(steps) < settings.most:
             near = _screen_beside(problem, sensitivities, best)
     return Search(problem, tuple(steps), best, tuple(sensitivities), stop=stop)
+
+
+def _pair(
+    plain: Problem,
+    problem: Problem,
+    sensitivities: Sequence[Sensitivity],
+    step: Step,
+    settings: Settings,
+) -> tuple[Problem, Step, Step] | None:
+    """Return the first two steps if their causes pay together, though the first alone does not.
+
+    Where a model is wrong by many noises in two ways, what either of them leaves is so large and so
+    correlated that the other one has hardly any evidence without it.
+
+    Args:
+        plain: the problem without inflation.
+        problem: inflated by what the best cause of the first step leaves.
+        sensitivities: of all candidates.
+        step: the first step, whose best cause has too little evidence.
+        settings: thresholds.
+    """
+    first = step.tried[0]
+    near = _screen_beside(problem, sensitivities, first)
+    tried = fit_next(_anticipate(plain, problem, near, first), near, first, settings.more_refits)
+    if not tried:
+        return None
+    settled = settle(plain, tried, first)
+    second = _judge(settled, settings)
+    if not settled.profiled or not second.accepted:
+        return None
+    null = profile(settled.problem.without_tolerances(), step.base)
+    together = second.tried[0].evidence - null.evidence - second.needed
+    if together <= step.needed:
+        return None
+    return settled.problem, replace(step, gain=together), second
 
 
 def _judge(settled: Settled, settings: Settings) -> Step:
