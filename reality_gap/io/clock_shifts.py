@@ -86,7 +86,7 @@ def _sentence(name: str, lag: ClockLag) -> str:
     what = "lag behind" if lag.seconds > 0.0 else "are ahead of"
     return (
         f"the readings in {name} {what} the model's replay by {1e3 * abs(lag.seconds):.0f} ms "
-        f"(correlation {lag.before:.3f}, without the lag {lag.after:.3f})"
+        f"(correlation {lag.before:.3f}, and {lag.after:.3f} if that is corrected)"
     )
 
 

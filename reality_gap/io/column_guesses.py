@@ -23,6 +23,8 @@ from reality_gap.io.column_names import (
     words_of,
 )
 
+COMMON = frozenset(["joint", "motor", "servo", "actuator", "axis"])
+"""Words of an element's name that do not say which one it is."""
 _THRESHOLD = 1.5  # smallest similarity of a guess
 _COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
 _NUMBERED = re.compile(r"(.*?)[_. \[]?(\d+)\]?")
@@ -326,7 +328,8 @@ def _similarity(element: Element, column: str) -> float:
     identity = _identity(_full(element))
     both = identity & set(words_of(column))
     only_number = _is_number(both) and not _is_number(identity)
-    shared = len(both) / len(identity) if both and not only_number else 0.0
+    only_common = _is_common(both) and not _is_common(identity)
+    shared = len(both) / len(identity) if both and not (only_number or only_common) else 0.0
     # What the element belongs to may be in a name instead, but its own name is worth more.
     for weight, name in ((0.8, element.target), (0.6, element.moved)):
         other = _share(_identity(name), column)
@@ -356,9 +359,15 @@ def _states(element: Element, column: str, silent: Silent) -> bool | None:
 
 
 def _share(identity: set[str], column: str) -> float:
-    """Return the fraction of words that a column's name has; 0 if it has only numbers of them."""
+    """Return the fraction of words that a column's name has; 0 if it has only common ones."""
     shared = identity.intersection(words_of(column))
-    return 0.0 if _is_number(shared) else len(shared) / len(identity)
+    only = _is_number(shared) or (_is_common(shared) and not _is_common(identity))
+    return 0.0 if only else len(shared) / len(identity)
+
+
+def _is_common(words: Iterable[str]) -> bool:
+    """Return whether many elements have such words, as "joint" and "1" of "wrist_1_joint"."""
+    return _is_number(word for word in words if word not in COMMON)
 
 
 def _full(element: Element) -> str:

@@ -162,6 +162,32 @@ def test_a_measured_list_of_columns_comes_before_others_of_its_kind() -> None:
         assert "output.positions.1" not in found.values()
 
 
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        {"": "joint_command_{}", "_position": "joint_position_{}", "_force": "joint_torque_{}"},
+        {"": "motor_target_{}", "_position": "joint_position_{}", "_force": "motor_torque_{}"},
+    ],
+    ids=["joint", "motor"],
+)
+def test_a_common_word_and_a_number_are_no_name(layout: dict[str, str], first: int) -> None:
+    """The arm has three wrists, whose numbers are not those of its joints."""
+    joints = ["shoulder_pan_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint"]
+    bodies = "".join(f'<body><joint name="{j}"/><geom size="0.1"/>' for j in joints)
+    xml = f"<mujoco><worldbody>{bodies}{4 * '</body>'}</worldbody><actuator>" + "".join(
+        f'<position name="{joint}" joint="{joint}" kp="9"/>' for joint in joints
+    )
+    xml += "</actuator></mujoco>"
+    expected = {
+        joint + ending: name.format(i + first)
+        for i, joint in enumerate(joints)
+        for ending, name in layout.items()
+    }
+    for columns in orders(["time", *expected.values()]):
+        assert single(assigned(xml, columns)) == expected
+
+
 @pytest.mark.parametrize("names", ["joint{}", "joint_{}", "{}_joint", "q_{}"])
 def test_numbers_in_the_names_of_elements_are_those_of_the_columns(names: str) -> None:
     """The model lists its joints in another order than their numbers."""
