@@ -1,4 +1,7 @@
-"""Gravity direction: the base of the machine is tilted."""
+"""Gravity direction: the base of the machine is tilted, about axes of the model.
+
+The model keeps its axes, so that gravity turns the other way in them.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     turn = np.zeros(3)
     for i in _axes(system):
         turn[i] = values[f"about_{AXES[i]}"]
-    spec.option.gravity = Rotation.from_rotvec(turn).apply(spec.option.gravity)
+    spec.option.gravity = Rotation.from_rotvec(-turn).apply(spec.option.gravity)
 
 
 CAUSE = Cause(

@@ -89,7 +89,7 @@ def editable_body(spec: mujoco.MjSpec, system: System, name: str) -> mujoco.MjsB
 
 
 def _driven(system: System) -> set[int]:
-    """Return the first bodies of links with a joint that is actuated or measured."""
+    """Return the first bodies of links that are actuated, measured, or held in a closed loop."""
     model = system.model
     joints = {model.joint(name).id for name in lever_arms.actuated_joints(system)}
     joints |= {
@@ -102,7 +102,23 @@ def _driven(system: System) -> set[int]:
             joints.add(model.joint(channel.sensor).id)
         elif int(model.sensor(channel.sensor).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
             joints.add(int(model.sensor(channel.sensor).objid[0]))
-    return {int(model.body_weldid[model.jnt_bodyid[j]]) for j in joints}
+    driven = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in joints}
+    return driven | {int(model.body_weldid[body]) for body in _held_bodies(model)}
+
+
+def _held_bodies(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies that equality constraints connect or weld to another moving one."""
+    kinds = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+    of_sites, found = int(mujoco.mjtObj.mjOBJ_SITE), set[int]()
+    for i in range(model.neq):
+        both = (int(model.eq_obj1id[i]), int(model.eq_obj2id[i]))
+        if int(model.eq_type[i]) not in kinds or not model.eq_active0[i]:
+            continue
+        if int(model.eq_objtype[i]) == of_sites:
+            both = (int(model.site_bodyid[both[0]]), int(model.site_bodyid[both[1]]))
+        if all(model.body_weldid[body] for body in both):
+            found.update(both)
+    return found
 
 
 def _set_compiled_inertia(body: mujoco.MjsBody | None, model: mujoco.MjModel, index: int) -> None:

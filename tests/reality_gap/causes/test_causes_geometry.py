@@ -316,10 +316,38 @@ def test_a_site_is_preferred_to_a_body_without_mass(tmp_path: Path) -> None:
     assert [str(one) for one in found] == ["tool (at grip)", "arm"]
 
 
+@pytest.mark.parametrize("sites", [False, True])
+def test_the_ends_of_a_closed_loop_carry_a_payload(tmp_path: Path, sites: bool) -> None:
+    """No reading shows their joints."""
+    lower = (
+        '<body name="{}" pos="0 0 -1"><joint/>'
+        '<geom type="capsule" fromto="0 0 0 {} 0 -1" size=".1"/>'
+    )
+    arms = "".join(
+        f'<body pos="{x} 0 0"><joint name="motor_{name}" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 -1" size=".1"/>'
+        + lower.format(name, -x)
+        + f'<site name="tip_{name}" pos="{-x} 0 -1"/></body></body>'
+        for name, x in (("left", -0.5), ("right", 0.5))
+    )
+    held = 'site1="tip_left" site2="tip_right"'
+    if not sites:
+        held = 'body1="left" body2="right" anchor="0.5 0 -1"'
+    (tmp_path / "loop.xml").write_text(
+        f"<mujoco><worldbody>{arms}</worldbody><equality><connect {held}/></equality><actuator>"
+        '<position name="l" joint="motor_left" kp="9"/>'
+        '<position name="r" joint="motor_right" kp="9"/>'
+        "</actuator></mujoco>"
+    )
+    found = find_cause("payload").locations(system_of(tmp_path / "loop.xml"))
+    assert {one.elements[0] for one in found} == {"left", "right"}
+
+
 def test_a_tilt_turns_gravity_and_keeps_its_size(crane: System) -> None:
     location = only(crane, "gravity_direction")
     model = plant_with(crane, "gravity_direction", location, about_x=0.1).spec.compile()
-    assert model.opt.gravity == pytest.approx(9.81 * np.array([0, np.sin(0.1), -np.cos(0.1)]))
+    # In the axes of a base that is turned by +0.1 rad about x, down is also towards -y.
+    assert model.opt.gravity == pytest.approx(9.81 * np.array([0, -np.sin(0.1), -np.cos(0.1)]))
 
 
 def test_a_displaced_camera_measures_the_inverse_displacement(crane: System) -> None:
