@@ -234,6 +234,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),
         *_stop(paying),
         _at_most("report_noises", remainder.after, options.left * form, ABOVE),
+        _at_most("deviation", remainder.deviation, options.deviation, ROUGH),
         rough,
     )
 

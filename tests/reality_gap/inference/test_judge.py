@@ -20,6 +20,7 @@ def verdict(
     event: bool = True,
     before: float = 10.0,
     predicted: float = 1.0,
+    deviation: float = 0.0,
 ) -> Verdict:
     """Verdict on one cause.
 
@@ -30,6 +31,7 @@ def verdict(
         event: whether it comes from outside at its own time.
         before: RMS without it [noise].
         predicted: share of the power of the report split that what is learned predicts.
+        deviation: largest deviation that explains what it leaves [tolerances].
     """
     candidate = SimpleNamespace(cause=SimpleNamespace(event=event))
     best = SimpleNamespace(is_null=False, evidence=EVIDENCE, candidates=(candidate,))
@@ -41,6 +43,7 @@ def verdict(
         fits=(before, left),
         after=left,
         explained=0.0,
+        deviation=deviation,
         of_step=0.0,
         share=left / before,
     )
@@ -79,3 +82,9 @@ def test_what_is_learned_of_few_readings_and_predicts_no_others_is_chance(
 
 def test_other_causes_may_depend_on_the_motion() -> None:
     assert verdict(0.9, left=1.0, event=False) is Verdict.NAMED
+
+
+def test_what_only_large_deviations_explain_is_not_all_named() -> None:
+    """They are no noise, though nothing is left beside them."""
+    assert verdict(0.3, left=1.0, deviation=15.0) is Verdict.NAMED
+    assert verdict(0.3, left=1.0, deviation=25.0) is Verdict.PARTLY_NAMED
