@@ -106,9 +106,9 @@ def correct_columns(path: Path, note: Note) -> Study:
     noted: set[tuple[str, int]] = set()
     reasons: dict[str, list[str]] = {}
     for _ in range(ROUNDS):
-        study = load_study(path)
         lines = _Lines(path, reasons)
-        for error in _errors(study, note):
+        study, errors = _errors(load_study(path), note)
+        for error in errors:
             new = (error.kind, error.channel) not in noted
             noted.add((error.kind, error.channel))
             if lines.correct(study, error):
@@ -128,13 +128,14 @@ def _guessed_clocks(draft: Path) -> list[str]:
     return draft.read_text(encoding="utf-8").splitlines()[1:] if draft.is_file() else []
 
 
-def _errors(study: Study, note: Note) -> tuple[ColumnError, ...]:
+def _errors(study: Study, note: Note) -> tuple[Study, tuple[ColumnError, ...]]:
+    """Return the study as it is compared, to whose channels the errors belong, and the errors."""
     with Replayer(study) as replayer:
-        prediction = replayer.replay([]).prediction
-        if not np.isfinite(prediction).all():
-            note("the model's replay diverges, so that signs, units and columns were not checked")
-            return ()
-        return column_errors(replayer.system.study, replayer.measured, prediction)
+        compared, prediction = replayer.system.study, replayer.replay([]).prediction
+        if np.isfinite(prediction).all():
+            return compared, column_errors(compared, replayer.measured, prediction)
+        note("the model's replay diverges, so that signs, units and columns were not checked")
+        return compared, ()
 
 
 class _Lines:

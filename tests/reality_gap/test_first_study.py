@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from mujoco import MjModel
@@ -184,6 +185,31 @@ def test_efforts_without_commands_need_no_actuators(model: Path, tmp_path: Path)
     assert "<actuator>" not in (tmp_path / "study" / "model.xml").read_text()
     assert "\nefforts:\n" in path.read_text()
     assert any("the logs have no commands" in note for note in notes)
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_an_effort_with_the_opposite_sign_is_noted_and_no_position_changes(
+    model: Path, tmp_path: Path, wrong: int
+) -> None:
+    """It may have the sign of the other side of a motor, or the model too much damping."""
+    arm = MjModel.from_xml_path(str(model))
+    data, time = mujoco.MjData(arm), 0.005 * np.arange(2000)
+    phase = np.add(np.outer(time, (2.1, 3.3)), (0.0, 1.0))
+    angles, efforts = 0.6 * np.sin(phase), np.zeros((len(time), 2))
+    for row, q, p in zip(efforts, angles, phase, strict=True):
+        data.qpos, data.qvel = q, 0.6 * np.cos(p) * (2.1, 3.3)
+        data.qacc = -q * np.square((2.1, 3.3))
+        mujoco.mj_inverse(arm, data)
+        row[:] = data.qfrc_inverse
+    efforts[:, wrong] *= -1.0
+    header = "time,q_shoulder_pan,q_elbow_flex,effort_shoulder_pan,effort_elbow_flex"
+    log = table(tmp_path / "log.csv", header, time, *angles.T, *efforts.T)
+    notes: list[str] = []
+    path = write_first_study(model, [log], tmp_path / "study", notes.append)
+    correct_columns(path, notes.append)
+    [note] = [note for note in notes if "opposite sign" in note]
+    assert note.startswith(f"effort of {('shoulder_pan', 'elbow_flex')[wrong]} follows")
+    assert "scale: -1" not in path.read_text()
 
 
 def test_columns_are_assigned_once(
