@@ -12,6 +12,7 @@ import numpy as np
 
 from reality_gap.io.column_names import (
     ALL_HINTS,
+    ELECTRIC,
     HINTS,
     LOOSE,
     MEASURED,
@@ -347,7 +348,8 @@ def _states(element: Element, column: str, silent: Silent) -> bool | None:
     own_words = no_words.union(words_of(element.name))
     foreign = [word for word in words_of(column) if word not in own_words]
     if element.kind == "command":
-        quantity = quantity_of_words(foreign, loose=False)
+        exerted = bool(ELECTRIC.intersection(foreign))
+        quantity = quantity_of_words(foreign, loose=exerted)
         if quantity and element.quantity and quantity != element.quantity:
             return None
     if not element.kind:

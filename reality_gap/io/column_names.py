@@ -62,6 +62,9 @@ FAST, SLOW, SHORT = 0.5, 2.0, 2.0
 """Periods up to which the rows of a log follow each other: `FAST` [s], or `SLOW` [s] if with the
 next smaller unit the log would be shorter than `SHORT` [s]."""
 
+ELECTRIC = frozenset(["current", "moment"])
+"""Words of what a motor exerts: without others, columns of them are no positions."""
+
 ALL_HINTS = frozenset().union(*HINTS.values())
 """Words that state a kind and are no part of what an element is called."""
 
@@ -136,8 +139,14 @@ def quantity_of_words(words: Sequence[str], loose: bool = True) -> str:
     """Return the quantity that the last word with one states, or else a `LOOSE` one."""
     firm = [word for word in words if word not in LOOSE]
     kinds = [kind for word in firm for kind in QUANTITIES if word in HINTS[kind]]
-    others = (kind for kind in QUANTITIES if loose and HINTS[kind].intersection(words))
-    return kinds[-1] if kinds else next(others, "")
+    if kinds or not loose:
+        return kinds[-1] if kinds else ""
+    # An actual current is a force, but a current state is a position.
+    stated = [word for word in words if word not in MEASURED or "state" in words]
+    found = [
+        kind for some in (stated, words) for kind in QUANTITIES if HINTS[kind].intersection(some)
+    ]
+    return found[0] if found else ""
 
 
 def kind_of_unit(column: str) -> str:

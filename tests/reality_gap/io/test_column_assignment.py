@@ -162,6 +162,45 @@ def test_a_measured_list_of_columns_comes_before_others_of_its_kind() -> None:
         assert "output.positions.1" not in found.values()
 
 
+@pytest.mark.parametrize("others", [[], ["target_qd", "target_qdd", "target_moment"]])
+def test_currents_and_moments_are_no_positions(others: list[str]) -> None:
+    """Names of the interface of an arm (RTDE)."""
+    expected = {
+        joint + ending: f"{name}_{i}"
+        for i, joint in enumerate(JOINTS)
+        for ending, name in (
+            ("", "target_q"),
+            ("_position", "actual_q"),
+            ("_velocity", "actual_qd"),
+        )
+    }
+    free = [f"{name}_{i}" for name in ("target_current", *others) for i in range(2)]
+    for columns in orders(["timestamp", *expected.values(), *free]):
+        found = assigned(ARM, columns)
+        assert single(found) == expected
+        assert set(found.free) == set(free)
+
+
+@pytest.mark.parametrize("name", ["target_current_{}", "target_moment_{}", "cmd_current_{}"])
+def test_a_servo_of_the_position_takes_no_current(name: str) -> None:
+    free = [name.format(i) for i in range(2)]
+    for columns in orders(["time", *free, "q_0", "q_1"]):
+        found = assigned(ARM, columns)
+        assert not found.commands or set(found.commands) == {"q_0", "q_1"}
+        assert set(found.free) >= set(free)
+
+
+@pytest.mark.parametrize("position", ["current_state_{}", "current_pos_{}", "pos_current_{}"])
+def test_a_present_position_is_no_current(position: str) -> None:
+    expected = {
+        joint + ending: name.format(i)
+        for i, joint in enumerate(JOINTS)
+        for ending, name in (("", "u_{}"), ("_position", position))
+    }
+    for columns in orders(["time", *expected.values()]):
+        assert single(assigned(ARM, columns)) == expected
+
+
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize(
     "layout",
