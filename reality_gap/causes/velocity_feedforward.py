@@ -50,8 +50,7 @@ def _update_period(system: System) -> float:
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
-    period = _update_period(system)
-    if values["share"] and period > 0.0:
+    if values["share"] and (period := _update_period(system)) > 0.0:
         effects.commands.append(partial(_lead, location.elements, values["share"], period))
 
 

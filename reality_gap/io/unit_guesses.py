@@ -76,18 +76,15 @@ def guess_unit(
     size = 0.0 if cells is None else float(np.quantile(np.abs(cells), LONG))
     if cells is None or units[0] not in ("rad", "m"):
         return UnitGuess(units[0])
-    small, usual = ("mm", MILLIMETRES) if units[0] == "m" else ("deg", DEGREES)
-    if largest > 0.0:
-        fits = [u for u in (units[0], small) if parse_unit(u).factor * size <= FIT * largest]
-        if fits:
-            return UnitGuess(fits[0], f"is taken as {small}" if fits[0] == small else "")
-    if units[0] == "m":
-        return UnitGuess("mm", "is taken as mm") if size > usual else UnitGuess("m")
+    own = units[0]
+    small, usual = ("mm", MILLIMETRES) if own == "m" else ("deg", DEGREES)
+    if largest > 0.0 and parse_unit(small).factor * size <= FIT * largest:
+        usual = FIT * largest  # as it fits in one unit or the other
     if size <= usual or (endless and _turns_on(cells)):
-        return UnitGuess("rad")
-    if size > TICKS and np.all(cells == np.round(cells)):
+        return UnitGuess(own)
+    if own == "rad" and size > TICKS and np.all(cells == np.round(cells)):
         return _ticks(cells)
-    return UnitGuess("deg", "is taken as deg")
+    return UnitGuess(small, f"is taken as {small}")
 
 
 def _turns_on(cells: Floats) -> bool:

@@ -231,7 +231,8 @@ def load_untrusted_spec(path: Path, folder: Path) -> mujoco.MjSpec:
         StudyError: the model names files outside of ``folder``, or MuJoCo cannot load it.
     """
     check_untrusted_model(path, folder)
-    states = [(file, file.stat()) for file in named_files(path, (folder,))]
+    files = [file for file in named_files(path, (folder,)) if file.is_file()]
+    states = [(file, file.stat()) for file in files]
     stamps = tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
     if _stamps.get(path) != stamps:
         load_spec.cache_clear()

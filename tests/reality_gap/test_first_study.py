@@ -331,13 +331,20 @@ def test_clocks_of_two_files_are_aligned(
     assert "shifts: {readings.csv:" in (tmp_path / "study" / "STUDY.yaml").read_text()
 
 
-def test_a_delay_in_one_file_is_reported_and_kept(model: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("delay", "words", "reason"),
+    [(0.06, "lag behind", "motors that are slower"), (-0.06, "are ahead", "velocity feed-forward")],
+)
+def test_a_delay_in_one_file_is_reported_and_kept(
+    model: Path, tmp_path: Path, delay: float, words: str, reason: str
+) -> None:
     time, command, angles = motion()
-    late = np.column_stack([np.interp(time - 0.06, time, column) for column in angles.T])
+    late = np.column_stack([np.interp(time - delay, time, column) for column in angles.T])
     log = table(tmp_path / "log.csv", HEADER, time, *command.T, *late.T)
     study, notes = drafted(model, tmp_path, log)
     np.testing.assert_allclose(study.episodes[0].readings[0].value, late[:, 0], atol=1e-9)
-    [note] = [note for note in notes if "lag behind" in note]
+    [note] = [note for note in notes if words in note]
+    assert reason in note
     lag = float(note.split(" by ")[1].split(" ms")[0])
     assert lag == pytest.approx(60.0, abs=3.0)
 

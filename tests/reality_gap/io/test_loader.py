@@ -64,6 +64,21 @@ def test_a_model_that_was_edited_is_read_again(study_folder: Any, included: bool
     assert after.body("lever").mass == pytest.approx(2.0 * before.body("lever").mass)
 
 
+def test_a_file_may_be_in_one_of_two_folders(study_folder: Any) -> None:
+    """Of two folders of meshes, the one of the included file has the mesh."""
+    model = study_folder.path.with_name("lever.xml")
+    folder = model.parent / "meshes"
+    folder.mkdir()
+    (folder / "a.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    asset = '<mujoco><compiler meshdir="meshes"/><asset><mesh file="a.obj"/></asset></mujoco>'
+    model.with_name("asset.xml").write_text(asset)
+    begin = '<mujoco model="lever"><compiler meshdir="."/><include file="asset.xml"/>'
+    model.write_text(model.read_text().replace('<mujoco model="lever">', begin))
+    assert len(load_study(study_folder.write()).spec().meshes) == 1
+
+
 def test_commands_are_in_the_order_of_the_model(study_folder: Any) -> None:
     actuators = study_folder.content["actuators"]
     study_folder.content["actuators"] = dict(reversed(actuators.items()))

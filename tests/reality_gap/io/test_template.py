@@ -133,21 +133,30 @@ def test_lengths_of_actuators_that_are_zero_there_get_an_offset(tmp_path: Path) 
     assert "offset" not in content["actuators"]["winch"]
 
 
+TURNS = 2.0 * np.pi / 0.02
+"""Of a ball screw of 20 mm a turn [rad/m]."""
+
+
+def screw(folder: Path, limited: bool) -> str:
+    """Draft of a servo before a ball screw, whose motor and slide are logged."""
+    model = folder / "screw.xml"
+    model.write_text(
+        '<mujoco><worldbody><body><joint name="z" type="slide" range="-0.2 0.02"'
+        f' limited="{str(limited).lower()}"/><geom size="0.1"/></body></worldbody><actuator>'
+        f'<position name="z" joint="z" gear="{TURNS}" kp="0.25"/></actuator>'
+        '<sensor><jointpos name="z_read" joint="z"/></sensor></mujoco>'
+    )
+    rows = [f"{0.1 * k},{-0.008 * k * TURNS:.9g},{-8 * k}" for k in range(25)]
+    (folder / "log.csv").write_text("\n".join(["t_s,z_cmd,z_read", *rows]))
+    return draft_study(model, [folder / "log.csv"])
+
+
 @pytest.mark.parametrize(("limited", "command"), [(True, "m"), (False, "mm")])
 def test_a_servo_before_a_gear_is_commanded_in_its_own_angle(
     tmp_path: Path, limited: bool, command: str
 ) -> None:
-    """A ball screw of 20 mm a turn; without limits of its joint, sizes alone decide."""
-    model, turns = tmp_path / "screw.xml", 2.0 * np.pi / 0.02
-    model.write_text(
-        '<mujoco><worldbody><body><joint name="z" type="slide" range="-0.2 0.02"'
-        f' limited="{str(limited).lower()}"/><geom size="0.1"/></body></worldbody><actuator>'
-        f'<position name="z" joint="z" gear="{turns}" kp="0.25"/></actuator>'
-        '<sensor><jointpos name="z_read" joint="z"/></sensor></mujoco>'
-    )
-    rows = [f"{0.1 * k},{-0.008 * k * turns:.9g},{-8 * k}" for k in range(25)]
-    (tmp_path / "log.csv").write_text("\n".join(["t_s,z_cmd,z_read", *rows]))
-    content = yaml.safe_load(draft_study(model, [tmp_path / "log.csv"]))
+    """Without limits of its joint, sizes alone decide."""
+    content = yaml.safe_load(screw(tmp_path, limited))
     assert content["actuators"]["z"]["unit"] == command
     assert content["sensors"]["z_read"]["unit"] == "mm"
 
@@ -179,16 +188,11 @@ def test_limits_in_another_unit_do_not_decide(
 
 @pytest.mark.parametrize("unit", ["rad", "m"])
 def test_a_command_before_a_gear_may_be_an_angle(tmp_path: Path, unit: str) -> None:
-    test_a_servo_before_a_gear_is_commanded_in_its_own_angle(tmp_path, True, "m")
-    path = tmp_path / "STUDY.yaml"
-    path.write_text(
-        draft_study(tmp_path / "screw.xml", [tmp_path / "log.csv"]).replace(
-            "column: z_cmd, unit: m", f"column: z_cmd, unit: {unit}"
-        )
-    )
+    draft, path = screw(tmp_path, limited=True), tmp_path / "STUDY.yaml"
+    path.write_text(draft.replace("column: z_cmd, unit: m", f"column: z_cmd, unit: {unit}"))
     study = load_study(path)
     assert not scale_warnings(study)
-    assert study.episodes[0].command[1, 0] == pytest.approx(-0.008 * 2.0 * np.pi / 0.02)
+    assert study.episodes[0].command[1, 0] == pytest.approx(-0.008 * TURNS)
 
 
 def test_an_element_without_a_guess_is_a_comment(study_folder: Any) -> None:

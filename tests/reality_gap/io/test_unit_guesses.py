@@ -40,6 +40,7 @@ def test_angles(column: str, cells: Floats, endless: bool, unit: str) -> None:
         ("m", 22.0, 63.0, "m"),
         ("m", 150.0, 0.3, "mm"),
         ("m", 0.3, 1e-5, "m"),
+        ("m", 30.0, 1e-5, "mm"),
     ],
 )
 def test_positions_have_the_unit_that_fits_what_the_model_allows(
@@ -49,8 +50,10 @@ def test_positions_have_the_unit_that_fits_what_the_model_allows(
     assert guess_unit("q", (si,), size * SWING, largest=largest).unit == unit
 
 
-def test_ticks_of_an_encoder() -> None:
-    found = guess_unit("q", ("rad",), np.round(2048 + 4096 / (2 * np.pi) * SWING))
+@pytest.mark.parametrize("largest", [0.0, 3.1, 25.0])
+def test_ticks_of_an_encoder(largest: float) -> None:
+    cells = np.round(2048 + 4096 / (2 * np.pi) * SWING)
+    found = guess_unit("q", ("rad",), cells, largest=largest)
     assert found.unit == "rad"
     assert "4096 per turn, zero at 2048" in found.reason
     assert f"scale: {2 * np.pi / 4096:.9g}" in found.conversion
