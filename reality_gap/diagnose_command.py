@@ -36,7 +36,7 @@ class Thresholds:
     nonlinear: float = 0.005
     """Share of what tolerances explain that a cause must explain beyond that evidence."""
     visible: float = 3.0
-    """Change of the readings by three typical faults from which on a cause is judged [noise]."""
+    """Change of the readings by a large fault from which on a cause is judged [noise]."""
     certain: float = 10.0
     """Evidence of a learned residual above which a remainder is unexplained [nats]."""
     unexplained: float = 0.15

@@ -65,7 +65,7 @@ MOST_BESIDE = 2
 """Largest number of causes beside which readings are linearised."""
 FEW_TENDONS = 20
 """Number of tendons up to which single causes are searched for, too, if groups explain the log."""
-INVISIBLE = "three typical faults would change the readings by less than their noise"
+INVISIBLE = "neither typical nor large faults would change the readings by more than their noise"
 ABSENT = "neither the model nor the log has elements on which it acts"
 
 
@@ -235,7 +235,7 @@ class _Run:
         tick(0.0)
         found = screen(self.replayer, first, self.null_residual, checkpoint, tick)
         found += in_each_log(system.study, self.replayer.measured, found)
-        judged = tuple(one for one in found if one.change > self.options.visible)
+        judged = tuple(one for one in found if one.largest_change > self.options.visible)
         return _Screened(found, judged, deferred, _not_judged(candidates, first, judged))
 
     def _search(self, screened: _Screened) -> tuple[Paying, Remainder]:

@@ -62,7 +62,7 @@ class Deferred:
         null_residual: residual of the nominal model, shape (n,).
         candidates: the deferred candidates.
         visible: change of the readings from which on a candidate can be judged; see
-            `Sensitivity.change` [noise].
+            `Sensitivity.largest_change` [noise].
     """
 
     def __init__(
@@ -98,4 +98,4 @@ class Deferred:
         if not released:
             return ()
         found = screen(self._replayer, released, self._null_residual)
-        return tuple(s for s in found if s.change > self._visible)
+        return tuple(s for s in found if s.largest_change > self._visible)

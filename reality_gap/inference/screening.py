@@ -49,18 +49,25 @@ class Sensitivity:
         fixed: values of the other parameters, such as the time of an event.
         columns: change of the prediction in units of noise per ``scale`` of a parameter, shape
             (n, p); in single precision to save memory.
+        step: size of the change from which the columns were found, in scales of a parameter.
     """
 
     candidate: Candidate
     names: tuple[str, ...]
     fixed: dict[str, float]
     columns: NDArray[np.float32]
+    step: float = STEP
 
     @property
     def change(self) -> float:
         """Norm of the change of all readings by `TYPICAL_FAULTS` scales of a parameter [noise]."""
         power = np.sum(self.columns**2, axis=0)
         return TYPICAL_FAULTS * float(np.sqrt(np.max(power, initial=0.0)))
+
+    @property
+    def largest_change(self) -> float:
+        """The same, or by a larger fault at which the cause was screened [noise]."""
+        return self.change * max(1.0, self.step / TYPICAL_FAULTS)
 
     def values(self, theta: Floats) -> dict[str, float]:
         """Return the parameter values at ``theta`` (p,), clipped to their bounds."""
@@ -128,7 +135,10 @@ def screen(
         )
         for trial, own in zip(trials, columns, strict=True):
             if np.all(np.isfinite(own)):
-                found.append(Sensitivity(trial.candidate, trial.names, trial.fixed, own))
+                sensitivity = Sensitivity(
+                    trial.candidate, trial.names, trial.fixed, own, trial.step
+                )
+                found.append(sensitivity)
         progress(min(1.0, (i + CHUNK) / len(candidates)))
     return (*found, *_longer_events(found))
 
@@ -183,6 +193,13 @@ class _Trial(NamedTuple):
         """Return index, name and value of each parameter whose change has an effect."""
         pairs = enumerate(zip(self.names, self.values, strict=True))
         return [(i, n, v) for i, (n, v) in pairs if not self.candidate.parameter(n).hints.shape]
+
+    @property
+    def step(self) -> float:
+        """Size of the largest change, in scales of its parameter."""
+        parameters = [self.candidate.parameter(name) for name in self.names]
+        changes = zip(parameters, self.values, strict=True)
+        return max((abs((value - p.null) / p.scale) for p, value in changes), default=0.0)
 
 
 def _columns(

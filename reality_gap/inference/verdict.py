@@ -73,8 +73,8 @@ class Options:
             the model with this one predicts better [nats].
         possible: probability below which no cause is named, whatever its evidence.
         tolerance: factor of all tolerances of the nominal model.
-        visible: change of the readings by three typical faults from which on a cause is judged
-            [noise].
+        visible: change of the readings by three typical faults, or by the largest one that is
+            screened, from which on a cause is judged [noise].
         suggest: whether to look for the next experiment.
         many: RMS of the residual from which on groups are fitted before the search [noise].
         large: RMS of the residual of the best causes from which on groups are fitted after the

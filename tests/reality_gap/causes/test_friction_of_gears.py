@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from reality_gap import Options, diagnose
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.speed_limit import followed
+from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -52,6 +56,34 @@ def test_efforts_show_friction_of_the_load_and_of_rest(
     assert before > 5.0
     print("RATIO", after / before)
     assert after < 0.25 * before
+
+
+def test_large_friction_of_rest_is_named_where_three_typical_ones_would_not_show(
+    systems: dict[str, System],
+) -> None:
+    """A joint that is hardly ever slow shows its friction of rest in few readings."""
+    noise, causes = 80.0, [CATALOGUE[id] for id in ("stribeck_friction", "coulomb_friction")]
+    study = carriage_study(systems["screw"].study.model, friction=at_rest)
+    [episode], [position, effort] = study.episodes, study.channels
+    motion, measured = episode.readings
+    errors = noise * np.random.default_rng(1).standard_normal(len(measured.value))
+    measured = replace(measured, value=measured.value + errors)
+    study = replace(
+        study,
+        channels=(position, replace(effort, noise=noise)),
+        episodes=(replace(episode, readings=(motion, measured)),),
+    )
+    changes = list[float]()
+
+    def watch(replayer: Replayer, null: Floats, found: Sequence[Sensitivity]) -> None:
+        changes.extend(s.change for s in found if s.candidate.cause.id == "stribeck_friction")
+
+    options = Options(suggest=False)
+    found = diagnose(study, causes=causes, options=options, watch=watch)
+
+    assert max(changes) < options.visible
+    assert [cause.candidate.cause.id for cause in found.causes] == ["stribeck_friction"]
+    assert "stribeck_friction" not in dict(found.not_judged)
 
 
 def test_friction_of_a_gear_follows_the_torque_of_its_motor(systems: dict[str, System]) -> None:

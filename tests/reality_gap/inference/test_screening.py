@@ -231,6 +231,19 @@ def test_the_change_that_typical_faults_make(lever_study: Study) -> None:
     assert sensitivity.change == pytest.approx(3 * p.scale / noise * np.sqrt(count), rel=1e-6)
 
 
+def test_the_change_that_the_largest_screened_fault_makes(lever_study: Study) -> None:
+    screening = Screening(lever_study, "backlash")
+    for one in screening.alone():
+        large = max(one.candidate.parameters[0].hints.secants)
+        some = [s for s in screening.found if s.candidate == one.candidate]
+        values = one.candidate.null_values() | {one.names[0]: large}
+        residual = screening.replayer.residual([(one.candidate, values)])
+        changed = float(np.linalg.norm(screening.null - residual))
+
+        assert one.largest_change == one.change
+        assert max(s.largest_change for s in some) == pytest.approx(changed, rel=0.01)
+
+
 def test_secants_are_screened_in_addition_to_the_slope_at_the_null(lever_study: Study) -> None:
     """With an encoder that counts too little, the servo shortens its tendon: slopes differ."""
     screening = Screening(lever_study, "length_scale")
