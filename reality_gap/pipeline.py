@@ -25,7 +25,7 @@ from reality_gap.inference.effort_times import (
     half_sample_late,
     with_efforts_earlier,
 )
-from reality_gap.inference.expansion import Expanded, expand, handicap, is_noise, is_small
+from reality_gap.inference.expansion import Expanded, expand, handicaps, is_noise, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -255,8 +255,7 @@ class _Run:
             if likeliest.expansion.parts and suits:
                 replayer.expansion = likeliest.expansion
                 null = replayer.residual([])
-                inflation = result.problem.noise_model.inflation
-                more = handicap(replayer, own, likeliest, null, inflation)
+                more = handicaps(result.problem, own, likeliest, null)
                 result = self._search_with(likeliest.columns, null, screened, result.singles, more)
         self.progress(0.8, "evaluating what remains")
         return revise_and_evaluate(result, options)
@@ -267,16 +266,17 @@ class _Run:
         null: Floats,
         screened: _Screened,
         known: Sequence[Fit] = (),
-        more: float = 0.0,
+        more: tuple[float, float] = (0.0, 0.0),
     ) -> Search:
         """Search for causes of the nominal residual (n,), with columns of tolerances (n, p).
 
-        The first cause needs ``more`` evidence than usual [nats].
+        The first cause needs ``more`` evidence than usual; see `handicaps`.
         """
         replayer, options = self.replayer, self.options
-        settings = replace(options.search, threshold=options.search.threshold + more)
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
-        return search_roughly(replayer, null, columns, screened.judged, settings, deferred, known)
+        return search_roughly(
+            replayer, null, columns, screened.judged, options.search, deferred, known, more
+        )
 
     def _expand(
         self, tolerances: Sequence[Tolerance], columns: Floats, result: Search

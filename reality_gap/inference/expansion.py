@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.inference.whitening import (
     Whitening,
@@ -71,11 +72,13 @@ class Expanded(NamedTuple):
     Attributes:
         expansion: the deviations, and their linear effect.
         columns: changes of the readings by all tolerances, shape (n, p).
-        power: mean square of the whitened residual.
+        residual: residual in it of the hypothesis beside which it was found, shape (n,).
+        power: mean square of this residual, whitened.
     """
 
     expansion: Expansion
     columns: Floats
+    residual: Floats
     power: float
 
 
@@ -96,27 +99,33 @@ def is_noise(replayer: Replayer, power: float) -> bool:
     return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
 
 
-def handicap(
-    replayer: Replayer, own: Expanded, frame: Expanded, residual: Floats, inflation: Floats
-) -> float:
+def handicaps(
+    problem: Problem, own: Expanded, frame: Expanded, residual: Floats
+) -> tuple[float, float]:
     """Return how much less likely the model is in a linearisation than in its own [nats].
 
     Args:
-        replayer: has the readings.
+        problem: has the readings, and says how many of them count as one.
         own: the linearisation about the deviations that are likeliest without causes.
         frame: another linearisation.
         residual: residual of the model without causes in that one, shape (n,).
-        inflation: how many readings count as one, by reading, shape (n,).
 
     Returns:
-        The difference, at least 0; 0 if the model diverges there.
+        The difference of the likelihoods with the noise of the sensors, and of the profile
+        likelihoods, by which causes are compared where a model is wrong by many noises. Both are at
+        least 0; 0 if the model diverges there.
     """
-    if frame is own:
-        return 0.0
-    whole = _Whitened(replayer)
-    more = whole.power(frame.columns, residual) - own.power
-    count = float(np.sum(1.0 / inflation[split(replayer.measured) <= SELECT]))
-    return max(0.0, 0.5 * count * more) if np.isfinite(more) else 0.0
+    if frame is own or not np.isfinite(residual).all():
+        return 0.0, 0.0
+    more = _Whitened(problem.replayer).power(frame.columns, residual) - own.power
+    inflation = problem.noise_model.inflation[split(problem.measured) <= SELECT]
+    bare = problem.without_tolerances()
+
+    def likelihood(left: Floats) -> float:
+        return bare.widened(left).noise_model.log_likelihood(left)
+
+    profiled = likelihood(own.residual) - likelihood(residual)
+    return max(0.0, 0.5 * float(np.sum(1.0 / inflation)) * more), max(0.0, profiled)
 
 
 def expand(
@@ -139,7 +148,7 @@ def expand(
         The linearisation; that about no deviations unless another is surely more probable.
     """
     whole = _Whitened(replayer)
-    plain = found = Expanded(Expansion(), columns, whole.power(columns, residual))
+    plain = found = Expanded(Expansion(), columns, residual, whole.power(columns, residual))
     chosen = _choose(replayer, tolerances, whole, columns, residual, hypothesis)
     if not chosen:
         return plain
@@ -189,8 +198,10 @@ class _Walk:
     def expanded(self, whitened: _Whitened) -> Expanded:
         """Return the linearisation about these deviations."""
         effects = (self._columns[:, self._chosen] * self._sizes).T
-        power = whitened.power(self._columns, self._residual + self._shift)
-        return Expanded(Expansion(self._parts.at(self._sizes), effects), self._columns, power)
+        residual = self._residual + self._shift
+        power = whitened.power(self._columns, residual)
+        expansion = Expansion(self._parts.at(self._sizes), effects)
+        return Expanded(expansion, self._columns, residual, power)
 
     def approach(self, whitened: _Whitened) -> Iterator[None]:
         """Step towards the most probable deviations given some readings; yield after each step."""

@@ -246,6 +246,8 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     problem, tried, base, profiled = settled
     error = settings.nonlinear**2 * problem.noise_model.evidence_of_explained(tried[0].residual)
     needed = settings.needed(base, profiled) + error
+    if base.is_null:
+        needed += problem.handicaps[profiled]
     tried = special_cases_first(tried, settings, profiled)
     if profiled:
         alike = tuple(rescore(problem, f) for f in tried)

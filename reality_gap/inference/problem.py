@@ -23,12 +23,16 @@ class Problem:
         null_residual: residual of the nominal model in units of sensor noise, shape (n,).
         noise_model: whitens residuals; evidence depends on it.
         roughness: factor of the tolerances in the noise model.
+        handicaps: evidence that the first cause needs in addition, because the nominal model is
+            less likely in the linearisation than in its own; the second one where causes are
+            compared by their profile likelihood [nats].
     """
 
     replayer: Replayer
     null_residual: Floats
     noise_model: NoiseModel
     roughness: float = 1.0
+    handicaps: tuple[float, float] = (0.0, 0.0)
 
     @property
     def system(self) -> System:

@@ -23,6 +23,7 @@ def search_roughly(
     settings: Settings,
     deferred: Deferred | None = None,
     known: Sequence[Fit] = (),
+    handicaps: tuple[float, float] = (0.0, 0.0),
 ) -> Search:
     """Search for causes, again with larger tolerances as long as these are likelier.
 
@@ -36,11 +37,12 @@ def search_roughly(
         settings: thresholds.
         deferred: candidates that are screened on demand.
         known: fits of single causes that are tried in any case.
+        handicaps: evidence that the first cause needs in addition; see `Problem` [nats].
     """
     rough = 1.0
     while True:
         noise_model = independent_noise(replayer.measured, rough * columns)
-        problem = Problem(replayer, null_residual, noise_model, rough)
+        problem = Problem(replayer, null_residual, noise_model, rough, handicaps)
         result = search(problem, sensitivities, settings, deferred, known)
         inflation = result.problem.noise_model.inflation
         found = roughness(replayer.measured, columns, result.best.residual, inflation)

@@ -351,11 +351,12 @@ def test_a_cause_makes_up_for_a_linearisation_in_which_the_model_is_less_likely(
     ) -> Expanded:
         candidate, _ = tolerances[0].deviation(0.0)
         part = (candidate, candidate.null_values())
-        return Expanded(Expansion((part,), np.zeros((1, len(columns)))), columns, 1.0)
+        expansion = Expansion((part,), np.zeros((1, len(columns))))
+        return Expanded(expansion, columns, np.zeros(len(columns)), 1.0)
 
     monkeypatch.setattr("reality_gap.pipeline.is_small", lambda *arguments: False)
     monkeypatch.setattr("reality_gap.pipeline.expand", about_nothing)
-    monkeypatch.setattr("reality_gap.pipeline.handicap", lambda *arguments: more)
+    monkeypatch.setattr("reality_gap.pipeline.handicaps", lambda *arguments: (more, more))
 
     found = diagnose(with_a_wrong_tension(study_folder), causes=[CATALOGUE["tension_scale"]])
 

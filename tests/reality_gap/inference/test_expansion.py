@@ -12,7 +12,9 @@ import pytest
 
 from reality_gap import Diagnosis, Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
-from reality_gap.inference.expansion import Expanded, expand, handicap, is_small, suits
+from reality_gap.inference.expansion import Expanded, expand, handicaps, is_small, suits
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import list_candidates, screen
 from reality_gap.inference.tolerances import (
     Tolerance,
@@ -132,18 +134,36 @@ def test_the_model_is_less_likely_about_deviations_that_it_does_not_have(tmp_pat
         plain = expand(replayer, own, tolerance_columns(replayer, own, null), [], null)
         parts = tuple(one.deviation(3.0) for one in own[:4])
         effects = np.array([3.0 * one.column for one in own[:4]])
-        frame = Expanded(Expansion(parts, effects), plain.columns, 1.0)
+        frame = Expanded(Expansion(parts, effects), plain.columns, null, 1.0)
 
-        ones = np.ones(len(null))
-        same = handicap(replayer, plain, plain._replace(power=9.0), null, ones)
+        problem = Problem(replayer, null, independent_noise(replayer.measured, plain.columns))
+        inflation = np.full(len(null), 4.0)
+        correlated = replace(problem.noise_model, inflation=inflation)
+        same = handicaps(problem, plain, plain, null)
         replayer.expansion = frame.expansion
         residual = replayer.residual([])
-        other, fewer = (handicap(replayer, plain, frame, residual, k * ones) for k in (1.0, 4.0))
-        diverged = handicap(replayer, plain, frame, np.nan * residual, ones)
+        other, _ = handicaps(problem, plain, frame, residual)
+        fewer, _ = handicaps(replace(problem, noise_model=correlated), plain, frame, residual)
+        diverged = handicaps(problem, plain, frame, np.nan * residual)
 
-    assert same == diverged == 0.0
+    assert same == diverged == (0.0, 0.0)
     assert other > 5.0
     assert fewer == pytest.approx(0.25 * other)
+
+
+def test_where_the_model_is_far_off_only_the_ratio_of_what_is_left_makes_it_less_likely(
+    tmp_path: Path,
+) -> None:
+    """The variance of what a model leaves is not known there."""
+    with Replayer(study_of(tmp_path, [])) as replayer:
+        left = 100.0 * np.random.default_rng(2).standard_normal(len(replayer.measured.value))
+        use = split(replayer.measured) != REPORT
+        own = Expanded(Expansion(), np.zeros((len(left), 0)), left, float(np.mean(left[use] ** 2)))
+        problem = Problem(replayer, left, independent_noise(replayer.measured, own.columns))
+        known, profiled = handicaps(problem, own, own._replace(power=0.0), 1.1 * left)
+
+    assert known == pytest.approx(0.5 * 0.21 * np.sum(left[use] ** 2))
+    assert profiled == pytest.approx(np.count_nonzero(use) * np.log(1.1), rel=0.01)
 
 
 def test_a_cause_has_its_value_and_no_deviation_beside_it(tmp_path: Path) -> None:

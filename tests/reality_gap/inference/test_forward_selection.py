@@ -181,6 +181,24 @@ def test_a_cause_that_adds_little_to_much_evidence_is_not_accepted(
     assert ids(case.search(settings).best) == expected
 
 
+@pytest.mark.parametrize(("left", "far"), [(0.0, False), (30.0, True)])
+def test_a_linearisation_handicaps_the_first_cause_in_the_currency_of_its_evidence(
+    tmp_path: Path, left: float, far: bool
+) -> None:
+    """Where much is left, evidence of an unknown variance is compared, which is much smaller."""
+    case = Case(tmp_path, 60.0 * SHAPES[:, 0] + left * SHAPES[:, 5], crowd(2))
+    other, own = ((0.0, 1e9), (1e9, 0.0)) if far else ((1e9, 0.0), (0.0, 1e9))
+
+    case.problem = replace(case.problem, handicaps=own)
+    found = case.search()
+    case.problem = replace(case.problem, handicaps=other)
+    none = case.search()
+
+    assert found.problem.noise_model.is_far is far
+    assert ids(found.best) == ["a"]
+    assert ids(none.best) == []
+
+
 def test_a_second_cause_with_an_autocorrelated_effect_is_found(tmp_path: Path) -> None:
     """Without it the remainder is autocorrelated, so that its readings count for very little."""
     slow = np.sqrt(0.2) * np.sin(0.5 * np.pi * TIME)
