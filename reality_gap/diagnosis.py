@@ -212,6 +212,38 @@ class Rejected:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """A number of the model that is adjusted, within what may be wrong in a good model or near it.
+
+    Attributes:
+        candidate: the cause that would change it, and where.
+        parameter: the number.
+        value: the adjustment [unit of the parameter].
+        tolerances: the adjustment in tolerances.
+    """
+
+    candidate: Candidate
+    parameter: Parameter
+    value: float
+    tolerances: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The model with the named causes, and with all its numbers adjusted as little as needed.
+
+    Attributes:
+        corrections: the adjustments, the largest first. None of them is a finding.
+        rms: RMS of the residual on the report split [noise].
+        xml: the model as MJCF.
+    """
+
+    corrections: tuple[Correction, ...]
+    rms: float
+    xml: str
+
+
+@dataclass(frozen=True)
 class Trace:
     """Signals of one channel in one episode.
 
@@ -318,6 +350,8 @@ class Diagnosis:
         notes: what is suspicious in the study, such as a sensor with the opposite sign; see
             `reality_gap.check_study`. None if it was not checked; `reality_gap.write_diagnosis`
             then checks it.
+        calibration: the extended model with all its numbers adjusted; None if that does not predict
+            better.
     """
 
     study: str
@@ -347,6 +381,7 @@ class Diagnosis:
     flat: tuple[FlatDirection, ...] = ()
     posterior: Posterior | None = None
     notes: tuple[str, ...] | None = None
+    calibration: Calibration | None = None
 
     def sample(self, n: int, seed: int = 0) -> list[Extended]:
         """Sample models of what the machine may be, such as for the training of a policy.

@@ -18,6 +18,7 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import TimeLimitError
+from reality_gap.inference.calibration import calibrate
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
 from reality_gap.inference.effort_times import (
@@ -198,7 +199,7 @@ class _Run:
         replayer, options = self.replayer, self.options
         screened = self._screen(work)
         watch(replayer, self.null_residual, screened.sensitivities)
-        paying, remainder = self._search(screened)
+        paying, remainder, tolerances = self._search(screened)
         null = self.null_residual
         after = paying.attempt.residual
         if power(replayer.measured, null) < options.many**2:
@@ -210,8 +211,11 @@ class _Run:
         supported = keep_supported(paying, remainder, options)
         outcome = search_outcome(supported, screened.not_judged, options)
         if outcome.verdict is Verdict.NOTHING_WRONG:
-            tolerances = list_tolerances(screened.sensitivities, options.tolerance)
-            outcome = replace(outcome, branches=(tolerance_branch(list(tolerances)),))
+            outcome = replace(outcome, branches=(tolerance_branch(tolerances),))
+        else:
+            problem = supported.paying.result.problem
+            calibration = calibrate(problem, outcome.hypothesis, tolerances)
+            outcome = replace(outcome, calibration=calibration)
         if not options.suggest:
             return outcome
         problem = paying.result.problem
@@ -238,30 +242,33 @@ class _Run:
         judged = tuple(one for one in found if one.largest_change > self.options.visible)
         return _Screened(found, judged, deferred, _not_judged(candidates, first, judged))
 
-    def _search(self, screened: _Screened) -> tuple[Paying, Remainder]:
-        """Search for single causes, and evaluate what they leave."""
+    def _search(self, screened: _Screened) -> tuple[Paying, Remainder, list[Tolerance]]:
+        """Search for single causes, and evaluate what they leave, beside which tolerances."""
         replayer, null, options = self.replayer, self.null_residual, self.options
         self.progress(0.6, "fitting the likeliest candidates")
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
-        result = self._search_with(columns, null, screened)
+        result = self._search_with(tolerances, columns, null, screened)
         if result.stop is None and settle_step(result):
             self.null_residual = null = replayer.residual([])
             columns = tolerance_columns(replayer, tolerances, null)
-            result = self._search_with(columns, null, screened, result.singles)
-        if not is_small(replayer, columns, result.best.residual):
+            result = self._search_with(tolerances, columns, null, screened, result.singles)
+        if not result.relinearised and not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
             own, likeliest, suits = self._expand(tolerances, columns, result)
             if likeliest.expansion.parts and suits:
                 replayer.expansion = likeliest.expansion
                 null = replayer.residual([])
                 more = handicaps(result.problem, own, likeliest, null)
-                result = self._search_with(likeliest.columns, null, screened, result.singles, more)
+                result = self._search_with(
+                    tolerances, likeliest.columns, null, screened, result.singles, more
+                )
         self.progress(0.8, "evaluating what remains")
-        return revise_and_evaluate(result, options)
+        return *revise_and_evaluate(result, options), tolerances
 
     def _search_with(
         self,
+        tolerances: Sequence[Tolerance],
         columns: Floats,
         null: Floats,
         screened: _Screened,
@@ -275,7 +282,15 @@ class _Run:
         replayer, options = self.replayer, self.options
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
         return search_roughly(
-            replayer, null, columns, screened.judged, options.search, deferred, known, more
+            replayer,
+            null,
+            tolerances,
+            columns,
+            screened.judged,
+            options.search,
+            deferred,
+            known,
+            more,
         )
 
     def _expand(
@@ -344,4 +359,5 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         rejected=outcome.rejected,
         flat=outcome.flat,
         posterior=Posterior(system, replayer.usual, outcome.branches) if outcome.branches else None,
+        calibration=outcome.calibration,
     )

@@ -10,6 +10,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, shared_amounts, typical_scales
+from reality_gap.causes.support.own_amounts import with_own_amounts
 from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
@@ -49,12 +50,14 @@ def _prior(location: Location) -> float:
     return ODDS
 
 
-CAUSE = Cause(
-    id="armature",
-    title="wrong inertia of a rotor",
-    explanation="The rotor of a motor adds another inertia to its joint than the model says.",
-    locations=_locations,
-    parameters=_parameters,
-    edit=_edit,
-    prior=_prior,
+CAUSE = with_own_amounts(
+    Cause(
+        id="armature",
+        title="wrong inertia of a rotor",
+        explanation="The rotor of a motor adds another inertia to its joint than the model says.",
+        locations=_locations,
+        parameters=_parameters,
+        edit=_edit,
+        prior=_prior,
+    )
 )

@@ -12,6 +12,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
+from reality_gap.causes.support.own_amounts import with_own_amounts
 from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
@@ -101,13 +102,17 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     effects.readings.append(subtract)
 
 
-CAUSE = Cause(
-    id="coulomb_friction",
-    title="Coulomb friction",
-    explanation="A force of constant size opposes the motion, so that an element sticks and lags.",
-    locations=_locations,
-    parameters=_parameters,
-    edit=_edit,
-    attach=_attach,
-    sticky=True,
+CAUSE = with_own_amounts(
+    Cause(
+        id="coulomb_friction",
+        title="Coulomb friction",
+        explanation=(
+            "A force of constant size opposes the motion, so that an element sticks and lags."
+        ),
+        locations=_locations,
+        parameters=_parameters,
+        edit=_edit,
+        attach=_attach,
+        sticky=True,
+    )
 )

@@ -13,6 +13,7 @@ import numpy as np
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
 from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.causes.support.constant_force import constant_force
+from reality_gap.causes.support.own_amounts import with_own_amounts
 from reality_gap.study.system import System
 
 
@@ -51,12 +52,14 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     effects.add_hook(lambda model: constant_force(model, "joint", name, values["force"]))
 
 
-CAUSE = Cause(
-    id="force_offset",
-    title="force offset",
-    explanation="A constant force acts in addition to the commanded one.",
-    locations=_locations,
-    parameters=_parameters,
-    edit=_edit,
-    attach=_attach,
+CAUSE = with_own_amounts(
+    Cause(
+        id="force_offset",
+        title="force offset",
+        explanation="A constant force acts in addition to the commanded one.",
+        locations=_locations,
+        parameters=_parameters,
+        edit=_edit,
+        attach=_attach,
+    )
 )

@@ -9,6 +9,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import links
+from reality_gap.causes.support.own_amounts import with_own_amounts
 from reality_gap.study.system import System
 
 ALONE = "alone"
@@ -55,11 +56,13 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         body.inertia = body.inertia + share * nominal.inertia
 
 
-CAUSE = Cause(
-    id="link_mass",
-    title="wrong mass of a link",
-    explanation="Mass and inertia of a link, or of a part of it, are wrong by a factor.",
-    locations=_locations,
-    parameters=_parameters,
-    edit=_edit,
+CAUSE = with_own_amounts(
+    Cause(
+        id="link_mass",
+        title="wrong mass of a link",
+        explanation="Mass and inertia of a link, or of a part of it, are wrong by a factor.",
+        locations=_locations,
+        parameters=_parameters,
+        edit=_edit,
+    )
 )

@@ -7,6 +7,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import elements, shared_amounts, typical_scales
+from reality_gap.causes.support.own_amounts import with_own_amounts
 from reality_gap.causes.support.shared_amounts import EXCESS, FACTOR, REDUCIBLE
 from reality_gap.study.system import System
 
@@ -54,11 +55,13 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         joint.damping[0] = max(0.0, joint.damping[0] + amount)
 
 
-CAUSE = Cause(
-    id="viscous_friction",
-    title="viscous friction",
-    explanation="A force in proportion to the velocity opposes the motion.",
-    locations=_locations,
-    parameters=_parameters,
-    edit=_edit,
+CAUSE = with_own_amounts(
+    Cause(
+        id="viscous_friction",
+        title="viscous friction",
+        explanation="A force in proportion to the velocity opposes the motion.",
+        locations=_locations,
+        parameters=_parameters,
+        edit=_edit,
+    )
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from reality_gap.causes.support.shared_amounts import FACTOR
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.end_stops import Stop, refuting_stop
 from reality_gap.inference.event_times import search_times, times_of
@@ -25,6 +26,7 @@ from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank, rank_by_remainder
 from reality_gap.inference.refinement import fit_next
+from reality_gap.inference.relinearisation import relinearised
 from reality_gap.inference.screening import Sensitivity, screen
 from reality_gap.inference.settling import Settled, settle, whitened_power
 from reality_gap.simulation.hypothesis import Hypothesis
@@ -132,6 +134,7 @@ class Search:
         sensitivities: of all candidates that were screened.
         revised: steps in which earlier causes were replaced; see `revise`.
         stop: a stop that explains more than the last cause, with which the search ended.
+        relinearised: whether the slopes of tolerances are those beside the causes.
     """
 
     problem: Problem
@@ -140,6 +143,7 @@ class Search:
     sensitivities: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
     stop: Stop | None = None
+    relinearised: bool = False
 
     @property
     def singles(self) -> tuple[Fit, ...]:
@@ -174,7 +178,7 @@ def search(
         known: fits of single candidates by an earlier search, which are tried, too.
     """
     plain, best, near = problem, null_fit(problem), sensitivities
-    steps, stop = list[Step](), None
+    steps, stop, is_bent = list[Step](), None, False
     while len(steps) < settings.most:
         beside = _anticipate(plain, problem, near, best)
         if deferred:
@@ -196,14 +200,35 @@ def search(
             problem, first, step = pair
             steps.append(first)
         steps.append(step)
-        best = step.tried[0] if step.accepted else step.base
+        best = _without_covered(problem, step.tried[0]) if step.accepted else step.base
         if step.accepted or (best.is_null and problem.noise_model.is_far):
             stop = refuting_stop(plain, step.base, best if step.accepted else None)
         if stop is not None or not step.accepted:
             break
-        if problem.noise_model.is_far and len(steps) < settings.most:
+        beside_best = relinearised(plain, best)
+        if beside_best is not None:
+            plain, is_bent = beside_best, True
+            problem = plain.inflated(best.residual)
+            best = rescore(problem, best)
+        if (is_bent or problem.noise_model.is_far) and len(steps) < settings.most:
             near = _screen_beside(problem, sensitivities, best)
-    return Search(problem, tuple(steps), best, tuple(sensitivities), stop=stop)
+    found = tuple(sensitivities)
+    return Search(problem, tuple(steps), best, found, stop=stop, relinearised=is_bent)
+
+
+def _without_covered(problem: Problem, fitted: Fit) -> Fit:
+    """Return a fit without causes at joints where the last one acts on all, each by its own."""
+    last, values = fitted.hypothesis[-1]
+    covered = [part for part in fitted.hypothesis if last.covers(part[0])]
+    if not covered:
+        return fitted
+    rest = [part for part in fitted.hypothesis[:-1] if not last.covers(part[0])]
+    start = dict(values)
+    for one, amount in covered:
+        if one.location.note != FACTOR:
+            for joint in one.location.elements:
+                start[joint] += amount[one.parameters[0].name]
+    return fit(problem, [*rest, (last, start)])
 
 
 def _pair(

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location
+from reality_gap.causes.support.own_amounts import OWN
 from reality_gap.inference.static_fit import Noise
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import Replay
@@ -23,8 +24,6 @@ EACH = ("length_offset",)
 """Causes without such a location; all their single locations form a group."""
 SHARED = ("tendon_elasticity",)
 """Causes whose parameters all tendons share."""
-OWN = "each its own"
-"""Note of the location that is made of all single locations of a cause."""
 LEAST = 2
 """Number of groups with location `EVERY` below which a machine is too small for groups."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.diagnosis import (
+    Calibration,
     Criterion,
     Dependence,
     Experiment,
@@ -68,6 +69,7 @@ class Outcome:
     rejected: tuple[Rejected, ...] = ()
     flat: tuple[FlatDirection, ...] = ()
     branches: tuple[Branch, ...] = ()
+    calibration: Calibration | None = None
 
 
 def groups_outcome(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from reality_gap.inference.likelihood import NoiseModel
+from reality_gap.inference.tolerances import Tolerance
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.system import System
@@ -23,6 +25,7 @@ class Problem:
         null_residual: residual of the nominal model in units of sensor noise, shape (n,).
         noise_model: whitens residuals; evidence depends on it.
         roughness: factor of the tolerances in the noise model.
+        tolerances: whose effects are the first columns of the noise model.
         handicaps: evidence that the first cause needs in addition, because the nominal model is
             less likely in the linearisation than in its own; the second one where causes are
             compared by their profile likelihood [nats].
@@ -32,6 +35,7 @@ class Problem:
     null_residual: Floats
     noise_model: NoiseModel
     roughness: float = 1.0
+    tolerances: Sequence[Tolerance] = ()
     handicaps: tuple[float, float] = (0.0, 0.0)
 
     @property

@@ -13,6 +13,7 @@ from reality_gap.inference.gauss_newton import Fit, start_penalty
 from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.types import Floats
 
 CHUNK = 128
@@ -55,7 +56,7 @@ def rank(problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit) -> l
     known_gram, known_right = known.T @ known, known.T @ residual
     # The base is fitted already: adding its penalty again leaves the evidence of the candidate.
     paid = occam(known_gram)
-    others = [s for s in sensitivities if not any(s.candidate.matches(c) for c in base.candidates)]
+    others = [s for s in sensitivities if not _is_in(base, s.candidate)]
     ranked = []
     for sensitivity, own in _whitened(problem.noise_model, others):
         cross = known.T @ own
@@ -96,7 +97,7 @@ def rank_by_remainder(
     sizes = np.array([len(r) for r in rows])
     ranked = []
     for one in sensitivities:
-        if any(one.candidate.matches(c) for c in base.candidates):
+        if _is_in(base, one.candidate):
             continue
         both = np.column_stack([one.columns, base.residual])
         squares = np.array([both[r].T @ both[r] for r in rows])
@@ -108,6 +109,11 @@ def rank_by_remainder(
             variance = np.maximum(1.0, np.einsum("i,cij,j->c", change, squares, change) / sizes)
         ranked.append(Ranked(0.5 * float(counts @ np.log(first / variance)), one, theta))
     return sorted(ranked, key=lambda one: -one.evidence)
+
+
+def _is_in(base: Fit, candidate: Candidate) -> bool:
+    """Return whether a fit has a candidate, or the same cause at all joints."""
+    return any(candidate.matches(one) or one.covers(candidate) for one in base.candidates)
 
 
 def _least_squares(squares: Floats, low: Floats, high: Floats) -> Floats:

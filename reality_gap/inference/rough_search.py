@@ -11,6 +11,7 @@ from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.roughness import roughness
 from reality_gap.inference.screening import Sensitivity
+from reality_gap.inference.tolerances import Tolerance
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
@@ -18,6 +19,7 @@ from reality_gap.types import Floats
 def search_roughly(
     replayer: Replayer,
     null_residual: Floats,
+    tolerances: Sequence[Tolerance],
     columns: Floats,
     sensitivities: Sequence[Sensitivity],
     settings: Settings,
@@ -32,7 +34,8 @@ def search_roughly(
     Args:
         replayer: replays hypotheses.
         null_residual: residual of the nominal model, shape (n,).
-        columns: changes by all tolerances, shape (n, p).
+        tolerances: the tolerances.
+        columns: changes by all of these, and by others, shape (n, p).
         sensitivities: of the candidates.
         settings: thresholds.
         deferred: candidates that are screened on demand.
@@ -42,10 +45,11 @@ def search_roughly(
     rough = 1.0
     while True:
         noise_model = independent_noise(replayer.measured, rough * columns)
-        problem = Problem(replayer, null_residual, noise_model, rough, handicaps)
+        problem = Problem(replayer, null_residual, noise_model, rough, tolerances, handicaps)
         result = search(problem, sensitivities, settings, deferred, known)
         inflation = result.problem.noise_model.inflation
-        found = roughness(replayer.measured, columns, result.best.residual, inflation)
+        own = result.problem.noise_model.tolerances / rough
+        found = roughness(replayer.measured, own, result.best.residual, inflation)
         if found <= rough or result.stop is not None:
             return result
         sensitivities, rough, known = result.sensitivities, found, result.singles

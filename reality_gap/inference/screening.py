@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints
+from reality_gap.causes.support.own_amounts import OWN, single_locations
 from reality_gap.inference.checkpoint import Checkpoint, Columns
 from reality_gap.inference.repetition import repeating_periods
 from reality_gap.inference.theta import begin_and_duration, theta_bounds
@@ -128,6 +129,7 @@ def screen(
     if replayer.coarse:
         null_residual = replayer.residuals([[*base]], True)[0]
     found = []
+    candidates, composed = _split_composed(candidates)
     for i in range(0, len(candidates), CHUNK):
         trials = [trial for one in candidates[i : i + CHUNK] for trial in _trials(one, find)]
         columns = checkpoint.get(
@@ -140,7 +142,47 @@ def screen(
                 )
                 found.append(sensitivity)
         progress(min(1.0, (i + CHUNK) / len(candidates)))
-    return (*found, *_longer_events(found))
+    sums = [one for candidate in composed for one in _composed(candidate, found)]
+    return (*found, *sums, *_longer_events(found))
+
+
+def _split_composed(
+    candidates: Sequence[Candidate],
+) -> tuple[tuple[Candidate, ...], tuple[Candidate, ...]]:
+    """Return the candidates to replay, and those whose single joints are among them."""
+    known = {(one.cause.id, one.location) for one in candidates}
+
+    def is_composed(one: Candidate) -> bool:
+        singles = single_locations(one.location) if one.location.note == OWN else ()
+        return bool(singles) and all((one.cause.id, single) in known for single in singles)
+
+    composed = tuple(one for one in candidates if is_composed(one))
+    return tuple(one for one in candidates if one not in composed), composed
+
+
+def _composed(candidate: Candidate, found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:
+    """Yield the sensitivities of a candidate whose columns are those of its single joints.
+
+    There are as many as the joint with most has, at as many sizes; the others have their last one.
+    """
+    levels = list[list[Sensitivity]]()
+    for single in single_locations(candidate.location):
+        own = [
+            one
+            for one in found
+            if one.candidate.cause.id == candidate.cause.id
+            and one.candidate.location == single
+            and one.names[0] == one.candidate.parameters[0].name
+        ]
+        if not own:
+            return
+        levels.append(own)
+    names = tuple(p.name for p in candidate.parameters)
+    for i in range(max(len(own) for own in levels)):
+        parts = [own[min(i, len(own) - 1)] for own in levels]
+        columns = np.hstack([one.columns[:, :1] for one in parts])
+        step = max(one.step for one in parts)
+        yield Sensitivity(candidate, names, candidate.null_values(), columns, step)
 
 
 def _longer_events(found: Sequence[Sensitivity]) -> Iterator[Sensitivity]:

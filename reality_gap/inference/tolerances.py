@@ -165,11 +165,15 @@ def _forms(one: Tolerance) -> list[Parameter]:
     return [p for p in one.candidate.parameters if p.hints.shape and p.null > 0.0]
 
 
-def start_columns(replayer: Replayer) -> list[Floats]:
+def start_columns(replayer: Replayer, base: Hypothesis = ()) -> list[Floats]:
     """Return the change of the readings by each error of an initial state, shape (n,) each.
 
     Each joint whose readings show where an episode begins has an error of its position and one of
     its velocity in each episode. Those with little effect are left out, as are the least of many.
+
+    Args:
+        replayer: replays hypotheses.
+        base: causes beside which the readings change.
     """
     study, measured = replayer.system.study, replayer.measured
     if study.inverse:
@@ -179,7 +183,7 @@ def start_columns(replayer: Replayer) -> list[Floats]:
     for joint in joints:
         typical = joint_speed(replayer.system, Location("joint", (joint,)))
         for moved in (_displaced(study, joint, typical), _pushed(study, joint, typical)):
-            change = replayer.change_of_start(moved) / measured.noise
+            change = replayer.change_of_start(moved, base) / measured.noise
             for e in range(len(study.episodes)):
                 own = np.where(measured.episode == e, change, 0.0)
                 if np.linalg.norm(own) > START_SEEN:

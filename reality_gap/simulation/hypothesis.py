@@ -10,6 +10,8 @@ import numpy as np
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
+from reality_gap.causes.support.own_amounts import OWN
+from reality_gap.causes.support.shared_amounts import FACTOR
 from reality_gap.study.system import System
 
 
@@ -40,7 +42,19 @@ class Candidate:
 
     def includes(self, other: Candidate) -> bool:
         """Return whether the other candidate is a special case of this one."""
-        return other.cause.id in self.cause.includes and self.location.acts_on(other.location)
+        special = other.cause.id in self.cause.includes and self.location.acts_on(other.location)
+        return special or self.covers(other)
+
+    def covers(self, other: Candidate) -> bool:
+        """Return whether this is the same cause at all joints, and the other at some of them."""
+        mine, its = self.location, other.location
+        return (
+            self.cause.id == other.cause.id
+            and mine.note == OWN
+            and its.note in ("", FACTOR)
+            and (mine.kind, mine.log) == (its.kind, its.log)
+            and set(its.elements) <= set(mine.elements)
+        )
 
     def matches(self, other: Candidate) -> bool:
         """Return whether the other candidate is the same cause at the same location."""

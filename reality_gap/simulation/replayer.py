@@ -361,18 +361,19 @@ class Replayer:
         counts = np.bincount(channel)
         return np.asarray(np.sqrt(squares[counts > 0] / counts[counts > 0]))
 
-    def change_of_start(self, moved: Study) -> Floats:
-        """Return how the nominal prediction changes if the same study begins in other states.
+    def change_of_start(self, moved: Study, hypothesis: Hypothesis = ()) -> Floats:
+        """Return how a prediction changes if the same study begins in other states.
 
         Args:
             moved: the study with other states.
+            hypothesis: candidates with their values; none for the nominal prediction.
 
         Returns:
             Change in SI units, shape (n,); 0 where the replay diverged.
         """
-        plant = self.light_plant([])
+        plant = self.light_plant(hypothesis)
         prediction = replay(plant, moved, self.measured).prediction
-        return np.nan_to_num(prediction - self.replay([]).prediction)
+        return np.nan_to_num(prediction - self.replay(hypothesis).prediction)
 
     def plant(self, hypothesis: Hypothesis) -> Plant:
         """Build the study's model with the usual effects and a hypothesis."""

@@ -1,0 +1,79 @@
+"""Relinearisation: how deviations within the tolerances change the readings beside causes.
+
+The columns of tolerances are slopes of the nominal model. Where a cause changes the motion a lot,
+as friction in a pendulum that swings freely without it, they are not those of the machine: along a
+few dozen wrong directions of thousands of noises each, deviations seem to explain whatever is left,
+but only in the readings they are inferred from. Beside such a cause the slopes are replayed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from reality_gap.inference.expansion import DIFFERENCE, is_small
+from reality_gap.inference.gauss_newton import Fit, null_fit
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.tolerances import Tolerance, start_columns
+from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.types import Floats
+
+BENT = 0.5
+"""Change of a slope from which on slopes are replayed, relative to the larger of both."""
+COMPARED = 3
+"""How many slopes are compared, those of the tolerances with the largest effects."""
+
+
+def relinearised(problem: Problem, fitted: Fit) -> Problem | None:
+    """Return the problem with the slopes of tolerances beside the causes of a fit.
+
+    Args:
+        problem: what is to be explained; tolerances are its first columns.
+        fitted: the causes.
+
+    Returns:
+        The problem, whose other columns are those beside the causes, too; None if the slopes are
+        nearly the old ones, or explain little of what the causes leave.
+    """
+    columns, rough = problem.noise_model.tolerances, problem.roughness
+    replayer, tolerances = problem.replayer, problem.tolerances
+    if replayer.expansion.parts or is_small(replayer, columns, fitted.residual):
+        return None
+    free = [
+        i
+        for i, one in enumerate(tolerances)
+        if not any(one.candidate.matches(other) for other in fitted.candidates)
+    ]
+    if not free:
+        return None
+    largest = sorted(free, key=lambda i: -float(np.linalg.norm(columns[:, i])))[:COMPARED]
+    some = [tolerances[i] for i in largest]
+    old, new = (_slopes(problem, some, one) for one in (null_fit(problem), fitted))
+    if not np.isfinite(new).all() or not _is_bent(old, new):
+        return None
+    own = rough * _slopes(problem, [tolerances[i] for i in free], fitted)
+    own[:, ~np.isfinite(own).all(axis=0)] = 0.0
+    found = np.zeros_like(columns[:, : len(tolerances)])
+    found[:, free] = own
+    starts = [rough * column for column in start_columns(replayer, fitted.hypothesis)]
+    noise_model = replace(problem.noise_model, tolerances=np.column_stack([found, *starts]))
+    return replace(problem, noise_model=noise_model)
+
+
+def _slopes(problem: Problem, tolerances: list[Tolerance], fitted: Fit) -> Floats:
+    """Return the changes of the readings by one tolerance each beside causes, shape (n, p).
+
+    Steps are the same wherever slopes are taken: where a joint sticks, others differ by themselves.
+    """
+    hypotheses: list[Hypothesis] = [
+        [one.deviation(DIFFERENCE), *fitted.hypothesis] for one in tolerances
+    ]
+    residuals = problem.replayer.residuals(hypotheses)
+    return np.column_stack([(fitted.residual - other) / DIFFERENCE for other in residuals])
+
+
+def _is_bent(old: Floats, new: Floats) -> bool:
+    """Return whether any slope (n, p) differs much from the old one."""
+    sizes = np.maximum(np.linalg.norm(old, axis=0), np.linalg.norm(new, axis=0))
+    return bool(np.any(np.linalg.norm(new - old, axis=0) > BENT * sizes))
