@@ -10,7 +10,7 @@ from .pipeline import diagnose
 from .posterior import Posterior
 from .report.actuator_configs import ActuatorConfigs, isaac_lab_actuators, mjlab_actuators
 from .report.engines import EngineInput, engine_input
-from .report.extended_model import load_extended
+from .report.extended_model import load_calibrated, load_extended
 from .report.files import write_diagnosis, write_samples
 from .report.posterior_file import load_posterior
 from .simulation.hypothesis import Candidate
@@ -45,6 +45,7 @@ __all__ = [
     "engine_input",
     "find_cause",
     "isaac_lab_actuators",
+    "load_calibrated",
     "load_extended",
     "load_posterior",
     "load_study",

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.harness.report import Table
-from experiments.real_machines.trial import EXTENDED, NOMINAL, PUBLISHED
+from experiments.real_machines.trial import CALIBRATED, EXTENDED, NOMINAL, PUBLISHED
 
 LEAST = 1e-6
 """Size of a parameter in SI units below which it counts as 0."""
-COLUMNS = (NOMINAL, EXTENDED, PUBLISHED)
+COLUMNS = (NOMINAL, EXTENDED, CALIBRATED, PUBLISHED)
 """Models that are compared beside the baselines."""
 MOST, HALF = 1.05, 0.5
 """Largest ratio of the held-out error to that of the best baseline; share of machines on which it
@@ -65,12 +65,14 @@ def error_table(done: Mapping[str, Any]) -> Table:
                     result["verdict"],
                     *("" if error is None else f"{error:.3g}" for error in errors),
                     f"{result['ratio']:.2f}",
+                    "" if result["calibrated"] is None else f"{result['calibrated']:.2f}",
                 )
             )
-    head = ("machine", "channel", "log [s]", "verdict", *COLUMNS, *baselines, "ratio")
+    head = ("machine", "channel", "log [s]", "verdict", *COLUMNS, *baselines, "ratio", "calibrated")
     note = (
         "RMS errors on held-out readings in the unit of the channel. Ratio: of the error with the "
-        f"named causes to that of the best baseline, over all channels; at most {MOST:g} is needed."
+        f"named causes to that of the best baseline, over all channels; at most {MOST:g} is "
+        "needed. Calibrated: the same of the calibrated model, if there is one."
     )
     return Table("Held-out errors", head, rows, note)
 

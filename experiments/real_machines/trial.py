@@ -14,7 +14,7 @@ from experiments.real_machines.baselines import Baseline, fit, fit_by_mujoco
 from experiments.real_machines.machines import MACHINES, PERSON_NAME, Machine
 from experiments.real_machines.parameters import predict
 from jmm_agent.types import Floats
-from reality_gap import Diagnosis, Options, RealityGapError, diagnose
+from reality_gap import Diagnosis, Options, RealityGapError, diagnose, load_calibrated
 from reality_gap.report.files import check_out, write_diagnosis
 from reality_gap.simulation.episode import silence
 from reality_gap.simulation.inverse_dynamics import ensure_prepared
@@ -23,6 +23,7 @@ from reality_gap.study.measurements import Measured, measured
 from reality_gap.study.splits import REPORT, split
 
 NOMINAL, EXTENDED, PUBLISHED = "nominal model", "named causes", "authors"
+CALIBRATED = "calibrated model"
 MUJOCO = "mujoco.sysid"
 
 
@@ -53,6 +54,8 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
         NOMINAL: np.concatenate([trace.before for trace in found.traces]),
         EXTENDED: np.concatenate([trace.after for trace in found.traces]),
     } | {title: baseline.prediction for title, baseline in baselines.items()}
+    if found.calibration is not None:
+        predictions[CALIBRATED] = load_calibrated(out / "diagnosis").replay(study).prediction
     if machine.published is not None:
         predictions[PUBLISHED] = predict(study, readings, machine.published)
     errors = {key: held_out_errors(study, readings, x) for key, x in predictions.items()}
@@ -61,7 +64,8 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
         "title": machine.title,
         "seconds": study.duration,
         "errors": errors,
-        "ratio": ratio(errors, list(baselines)),
+        "ratio": ratio(errors, EXTENDED, list(baselines)),
+        "calibrated": ratio(errors, CALIBRATED, list(baselines)) if CALIBRATED in errors else None,
         "baselines": {title: dict(baseline.values) for title, baseline in baselines.items()},
         "signals": signals(study, readings, predictions),
         **answer(found),
@@ -100,9 +104,9 @@ def held_out_errors(study: Study, readings: Measured, prediction: Floats) -> dic
     return found | {"all": _rms((error / readings.noise)[held_out])}
 
 
-def ratio(errors: dict[str, dict[str, float]], baselines: list[str]) -> float:
-    """Held-out error with the named causes over that of the best baseline."""
-    return errors[EXTENDED]["all"] / min(errors[baseline]["all"] for baseline in baselines)
+def ratio(errors: dict[str, dict[str, float]], key: str, baselines: list[str]) -> float:
+    """Held-out error of a model over that of the best baseline."""
+    return errors[key]["all"] / min(errors[baseline]["all"] for baseline in baselines)
 
 
 def _rms(error: Floats) -> float:

@@ -1,4 +1,7 @@
-"""Extended model: extended.xml, and extended.json with the effects that MuJoCo cannot express."""
+"""Extended model: extended.xml, and extended.json with the effects that MuJoCo cannot express.
+
+calibrated.xml and calibrated.json are the same with all numbers of the model adjusted.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from reality_gap.report.verdict_json import location_json
 from reality_gap.study.data import check_untrusted_model
 
 XML, JSON = "extended.xml", "extended.json"
+CALIBRATED_XML, CALIBRATED_JSON = "calibrated.xml", "calibrated.json"
 
 
 def load_extended(folder: Path | str) -> Extended:
@@ -30,34 +34,53 @@ def load_extended(folder: Path | str) -> Extended:
         StudyError: the folder does not contain an extended model.
         UnknownNameError: the model needs a cause that is not in the catalogue.
     """
-    folder = Path(folder)
-    path = folder / JSON
+    return _load(Path(folder), XML, JSON, "give the folder of a diagnosis")
+
+
+def load_calibrated(folder: Path | str) -> Extended:
+    """Load a calibrated model: the extended one with all its numbers adjusted to the log.
+
+    Args:
+        folder: the folder of a diagnosis.
+
+    Raises:
+        StudyError: the folder does not contain a calibrated model. A diagnosis writes none if it
+            would not predict better, and where nothing is wrong.
+        UnknownNameError: the model needs a cause that is not in the catalogue.
+    """
+    advice = "give the folder of a diagnosis whose report mentions a calibrated model"
+    return _load(Path(folder), CALIBRATED_XML, CALIBRATED_JSON, advice)
+
+
+def _load(folder: Path, xml: str, effects_of: str, advice: str) -> Extended:
+    path = folder / effects_of
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         effects = tuple(_effect(entry) for entry in content["effects"])
         named = content["model"]
     except FileNotFoundError as error:
-        raise StudyError(f"no {JSON} in {folder}; give the folder of a diagnosis") from error
+        raise StudyError(f"no {effects_of} in {folder}; {advice}") from error
     except UnknownNameError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise StudyError(f"{path} was not written by a diagnosis: {error!r}") from error
-    if named != XML:
-        raise StudyError(f"{path} names the model {named!r} instead of {XML}")
-    check_untrusted_model(folder / XML, folder)
-    return Extended(mujoco.MjSpec.from_file(str(folder / XML)), effects)
+    if named != xml:
+        raise StudyError(f"{path} names the model {named!r} instead of {xml}")
+    check_untrusted_model(folder / xml, folder)
+    return Extended(mujoco.MjSpec.from_file(str(folder / xml)), effects)
 
 
-def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the content of extended.json: the causes with effects that extended.xml lacks."""
-    return effects_json(
+def extension_json(diagnosis: Diagnosis, xml: str = XML) -> dict[str, Any]:
+    """Return the content of extended.json: the causes with effects that the XML file lacks."""
+    effects = (
         Effect(candidate.cause, candidate.location, dict(values))
         for candidate, values in diagnosis.effects
     )
+    return effects_json(effects, xml)
 
 
-def effects_json(effects: Iterable[Effect]) -> dict[str, Any]:
-    """Return the content of extended.json for effects that extended.xml lacks."""
+def effects_json(effects: Iterable[Effect], xml: str = XML) -> dict[str, Any]:
+    """Return the content of extended.json for effects that the XML file lacks."""
     entries = [
         {
             "cause": effect.cause.id,
@@ -66,7 +89,7 @@ def effects_json(effects: Iterable[Effect]) -> dict[str, Any]:
         }
         for effect in effects
     ]
-    return {"model": XML, "effects": entries}
+    return {"model": xml, "effects": entries}
 
 
 def _effect(entry: dict[str, Any]) -> Effect:

@@ -29,6 +29,8 @@ WRITTEN = {
     EXPERIMENT,
     extended_model.XML,
     extended_model.JSON,
+    extended_model.CALIBRATED_XML,
+    extended_model.CALIBRATED_JSON,
     posterior_file.JSON,
     posterior_file.MODEL,
     model_assets.FOLDER,
@@ -68,8 +70,9 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
     """Write verdict.json, extended.xml, extended.json, report.html and next_experiment.csv.
 
     Unless the gap is unexplained, posterior.json and nominal.xml are written, too; see
-    `load_posterior`. An earlier diagnosis in ``out`` is replaced when the new one is complete.
-    Without a next experiment there is no next_experiment.csv.
+    `load_posterior`. A calibrated model, if there is one, is written to calibrated.xml and
+    calibrated.json; see `load_calibrated`. An earlier diagnosis in ``out`` is replaced when the new
+    one is complete. Without a next experiment there is no next_experiment.csv.
 
     verdict.json and report.html have notes on what is suspicious in the study.
 
@@ -94,6 +97,11 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
         model, extended = study.model, new / extended_model.XML
         copied = model_assets.write_model(diagnosis.extended_xml, model, extended)
         _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis))
+        if diagnosis.calibration is not None:
+            xml, name = diagnosis.calibration.xml, extended_model.CALIBRATED_XML
+            model_assets.write_model(xml, model, new / name, copied)
+            effects = extended_model.extension_json(diagnosis, name)
+            _write_json(new / extended_model.CALIBRATED_JSON, effects)
         if diagnosis.posterior is not None:
             nominal = posterior_file.nominal_xml(diagnosis.posterior.system)
             model_assets.write_model(nominal, model, new / posterior_file.MODEL, copied)

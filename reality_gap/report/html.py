@@ -16,7 +16,14 @@ import numpy as np
 import scipy
 from matplotlib.figure import Figure
 
-from reality_gap.diagnosis import Diagnosis, NamedCause, Rejected, Verdict, names_stop
+from reality_gap.diagnosis import (
+    Calibration,
+    Diagnosis,
+    NamedCause,
+    Rejected,
+    Verdict,
+    names_stop,
+)
 from reality_gap.report import words
 from reality_gap.report.formatting import (
     ROUNDING,
@@ -52,6 +59,8 @@ from reality_gap.study.data import Study
 
 MOST_DIFF = 600
 """Largest number of lines of the XML difference that are shown."""
+MOST_CORRECTIONS = 12
+"""Largest number of corrections of a calibrated model that are shown."""
 
 
 def write_report(diagnosis: Diagnosis, study: Study, path: Path) -> None:
@@ -96,6 +105,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         constant=constant_share(found[0]) if found else 0.0,
         parts=_parts(found),
         difference=xml_difference(study, diagnosis.extended_xml),
+        corrections=correction_rows(diagnosis.calibration),
         usual=f"/{USUAL}/" in diagnosis.extended_xml,
         effects=[candidate for candidate, _ in diagnosis.effects],
         left_out=0 if diagnosis.next_experiment is None else left_out(diagnosis.next_experiment),
@@ -145,6 +155,18 @@ def attempt_rows(rejected: Sequence[Rejected]) -> list[tuple[str, ...]]:
             values.append(f"{human(p.name)} {number(factor * value)} {unit}".strip())
         title = capital(one.candidate.cause.title)
         rows.append((title, str(one.candidate.location), ", ".join(values), f"it {one.reason}"))
+    return rows
+
+
+def correction_rows(calibration: Calibration | None) -> list[tuple[str, ...]]:
+    """Return rows of number, location, adjustment and its size in tolerances; the largest ones."""
+    rows: list[tuple[str, ...]] = []
+    for one in calibration.corrections[:MOST_CORRECTIONS] if calibration else ():
+        factor, unit = shown(one.parameter.unit, one.value)
+        title = f"{one.candidate.cause.title}, {human(one.parameter.name)}"
+        adjustment = f"{number(factor * one.value)} {unit}".strip()
+        tolerances = number(abs(one.tolerances), 2)
+        rows.append((capital(title), str(one.candidate.location), adjustment, tolerances))
     return rows
 
 

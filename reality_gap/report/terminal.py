@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from reality_gap.diagnosis import Diagnosis
+from reality_gap.diagnosis import Calibration, Diagnosis
 from reality_gap.errors import one_line
 from reality_gap.report.formatting import number, probability, rounded, shown
 
@@ -43,6 +43,16 @@ def shown_progress(console: Console) -> Iterator[Callable[[float, str], None]]:
             before = now
 
     yield tick
+
+
+def calibration_line(diagnosis: Diagnosis, calibration: Calibration) -> str:
+    """Return one sentence on the calibrated model."""
+    model = "the extended model" if diagnosis.causes else "the model"
+    return (
+        f"calibrated.xml is {model} with {len(calibration.corrections)} of its numbers adjusted to "
+        f"this log: {number(calibration.rms)} noises on held-out data, where {model} leaves "
+        f"{number(diagnosis.rms_after)}. None of these adjustments is a finding."
+    )
 
 
 def cause_table(diagnosis: Diagnosis) -> Table:

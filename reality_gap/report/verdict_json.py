@@ -41,6 +41,11 @@ Keys of the file, which are part of the interface:
                           none was found; "doubts" hold what lowers the confidence of each cause
     rms_before            RMS of the residual of the model on held-out data, in noise deviations
     rms_after             the same for the extended model
+    calibration           the extended model with all its numbers adjusted, in calibrated.xml; null
+                          if that does not predict better:
+        rms               RMS of its residual on held-out data, in noise deviations
+        corrections       the adjustments, the largest first; none of them is a finding: cause,
+                          kind, elements, note, parameter, value, unit, tolerances
     noise_floor           RMS that the noise alone would leave
     gain                  (before - after) / (before - floor): value, low, high; null if uncertain
     likelihood_gain       increase of the log likelihood of readings to which the causes were not
@@ -76,6 +81,7 @@ from typing import Any
 
 from reality_gap.causes.base import Location
 from reality_gap.diagnosis import (
+    Calibration,
     Criterion,
     Diagnosis,
     Estimate,
@@ -109,6 +115,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "unmodelled": diagnosis.unmodelled,
         "rms_before": diagnosis.rms_before,
         "rms_after": diagnosis.rms_after,
+        "calibration": _calibration(diagnosis.calibration),
         "noise_floor": diagnosis.noise_floor,
         "gain": _gain(diagnosis.gain),
         "likelihood_gain": _gain(diagnosis.likelihood_gain),
@@ -135,6 +142,23 @@ def location_json(location: Location) -> Json:
     """Return the keys of a location."""
     found = {"kind": location.kind, "elements": list(location.elements), "note": location.note}
     return found | {"log": location.log} if location.log else found
+
+
+def _calibration(calibration: Calibration | None) -> Json | None:
+    if calibration is None:
+        return None
+    corrections = [
+        {
+            "cause": one.candidate.cause.id,
+            **location_json(one.candidate.location),
+            "parameter": one.parameter.name,
+            "value": one.value,
+            "unit": one.parameter.unit,
+            "tolerances": one.tolerances,
+        }
+        for one in calibration.corrections
+    ]
+    return {"rms": calibration.rms, "corrections": corrections}
 
 
 def _gain(gain: Gain | None) -> Json | None:
