@@ -198,7 +198,8 @@ def test_links_consist_of_bodies_that_move_as_one(
     def locations(id: str, system: System) -> list[str]:
         return [str(p) for p in find_cause(id).locations(system)]
 
-    assert locations("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel"]
+    each = ["jib, tassel (each its own)"]
+    assert locations("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel", *each]
     assert locations("link_mass", elbow) == [
         "ulna",
         "ulna (alone)",
