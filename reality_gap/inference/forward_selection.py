@@ -200,7 +200,7 @@ def search(
             problem, first, step = pair
             steps.append(first)
         steps.append(step)
-        best = _without_covered(problem, step.tried[0]) if step.accepted else step.base
+        best = without_covered(problem, step.tried[0]) if step.accepted else step.base
         if step.accepted or (best.is_null and problem.noise_model.is_far):
             stop = refuting_stop(plain, step.base, best if step.accepted else None)
         if stop is not None or not step.accepted:
@@ -216,7 +216,7 @@ def search(
     return Search(problem, tuple(steps), best, found, stop=stop, relinearised=is_bent)
 
 
-def _without_covered(problem: Problem, fitted: Fit) -> Fit:
+def without_covered(problem: Problem, fitted: Fit) -> Fit:
     """Return a fit without causes at joints where the last one acts on all, each by its own."""
     last, values = fitted.hypothesis[-1]
     covered = [part for part in fitted.hypothesis if last.covers(part[0])]

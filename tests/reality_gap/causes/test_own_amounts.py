@@ -10,6 +10,10 @@ import pytest
 from reality_gap import CATALOGUE, Diagnosis, Options, Study, Verdict, diagnose
 from reality_gap.causes.base import Location
 from reality_gap.causes.support.own_amounts import OWN
+from reality_gap.inference.forward_selection import without_covered
+from reality_gap.inference.gauss_newton import fit
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import screen
 from reality_gap.simulation.hypothesis import Hypothesis, build
 from reality_gap.simulation.replayer import Replayer
@@ -75,6 +79,23 @@ def test_its_effect_is_that_of_the_single_joints(study: Study) -> None:
     assert composed.candidate.matches(own)
     assert composed.names == replayed.names == JOINTS
     np.testing.assert_allclose(composed.columns, replayed.columns, rtol=1e-4, atol=1e-5)
+
+
+def test_amounts_of_single_joints_beside_it_are_taken_over(study: Study) -> None:
+    with Replayer(study) as replayer:
+        null = replayer.residual([])
+        noise_model = independent_noise(replayer.measured, np.zeros((len(null), 0)))
+        own = candidate(replayer.system, "coulomb_friction", ALL)
+        elbow = candidate(replayer.system, "coulomb_friction", Location("joint", ("elbow",)))
+        both = fit(
+            Problem(replayer, null, noise_model),
+            [(elbow, {"friction": 0.7}), (own, FRICTION | {"elbow": 0.5})],
+        )
+        [(found, values)] = without_covered(Problem(replayer, null, noise_model), both).hypothesis
+
+    assert len(both.candidates) == 2
+    assert found.matches(own)
+    assert values == pytest.approx(FRICTION, rel=0.1)
 
 
 def test_friction_and_rotors_of_all_joints_are_two_causes(tmp_path: Path) -> None:
