@@ -163,7 +163,8 @@ def correction_rows(calibration: Calibration | None) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for one in calibration.corrections[:MOST_CORRECTIONS] if calibration else ():
         factor, unit = shown(one.parameter.unit, one.value)
-        title = f"{one.candidate.cause.title}, {human(one.parameter.name)}"
+        property_of = one.candidate.cause.title.removeprefix("wrong ")
+        title = f"{property_of}, {human(one.parameter.name)}"
         adjustment = f"{number(factor * one.value)} {unit}".strip()
         tolerances = number(abs(one.tolerances), 2)
         rows.append((capital(title), str(one.candidate.location), adjustment, tolerances))

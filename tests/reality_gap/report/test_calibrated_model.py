@@ -94,7 +94,7 @@ def test_the_report_shows_it(calibrated: Make, lever_study: Study) -> None:
 
     assert "<code>calibrated.xml</code> is the extended model with 1 of its numbers" in text
     assert "it leaves 1.10 noises, the extended model alone 1.50" in text
-    row = ("Wrong mass of a link, mass", "lever", "20.0 g", "2.5")
+    row = ("Mass of a link, mass", "lever", "20.0 g", "2.5")
     assert "".join(f"<td>{cell}</td>" for cell in row) in text
     assert "load_calibrated(folder)" in text
 
