@@ -14,6 +14,7 @@ from reality_gap.inference.forward_selection import without_covered
 from reality_gap.inference.gauss_newton import fit
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
+from reality_gap.inference.ranking import rank, rank_by_remainder
 from reality_gap.inference.screening import screen
 from reality_gap.simulation.hypothesis import Hypothesis, build
 from reality_gap.simulation.replayer import Replayer
@@ -79,6 +80,25 @@ def test_its_effect_is_that_of_the_single_joints(study: Study) -> None:
     assert composed.candidate.matches(own)
     assert composed.names == replayed.names == JOINTS
     np.testing.assert_allclose(composed.columns, replayed.columns, rtol=1e-4, atol=1e-5)
+
+
+def test_single_joints_are_special_cases_and_not_tried_beside_it(study: Study) -> None:
+    elbow = Location("joint", ("elbow",))
+    with Replayer(study) as replayer:
+        null = replayer.residual([])
+        own, one = (candidate(replayer.system, "coulomb_friction", at) for at in (ALL, elbow))
+        other = candidate(replayer.system, "viscous_friction", elbow)
+        noise_model = independent_noise(replayer.measured, np.zeros((len(null), 0)))
+        problem = Problem(replayer, null, noise_model)
+        base = fit(problem, [(own, FRICTION)])
+        sensitivities = screen(replayer, [own, one, other], null)
+        ranked = [order(problem, sensitivities, base) for order in (rank, rank_by_remainder)]
+
+    assert own.includes(one)
+    assert not own.includes(other)
+    assert not one.includes(own)
+    for some in ranked:
+        assert {r.sensitivity.candidate.cause.id for r in some} == {"viscous_friction"}
 
 
 def test_amounts_of_single_joints_beside_it_are_taken_over(study: Study) -> None:

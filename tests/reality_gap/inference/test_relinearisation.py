@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from reality_gap import CATALOGUE, Options, Study, diagnose, load_study
+from reality_gap.inference.forward_selection import Settings, search
 from reality_gap.inference.gauss_newton import Fit, rescore
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
@@ -85,6 +86,22 @@ def test_slopes_are_those_beside_the_cause(problem: Problem) -> None:
 
 def test_a_cause_that_hardly_changes_the_motion_keeps_them(problem: Problem) -> None:
     assert relinearised(problem, with_friction(problem, 1e-5)) is None
+
+
+def test_a_search_goes_on_with_slopes_beside_what_it_found(problem: Problem) -> None:
+    replayer = problem.replayer
+    candidates = list_candidates(replayer.system, [CATALOGUE[id] for id in IDS])
+    sensitivities = screen(replayer, candidates, problem.null_residual)
+
+    found = search(problem, sensitivities, Settings(most=1))
+
+    assert [c.cause.id for c in found.best.candidates] == ["coulomb_friction"]
+    assert found.relinearised
+    own = relinearised(problem, found.best)
+    assert own is not None
+    np.testing.assert_allclose(
+        found.problem.noise_model.tolerances, own.noise_model.tolerances, rtol=1e-6
+    )
 
 
 def test_friction_that_ends_a_free_swing_is_the_only_cause(tmp_path: Path) -> None:
