@@ -95,17 +95,18 @@ def estimate(replayer: Replayer, slopes: Slopes, name: str) -> Estimate:
         name: of the parameter.
     """
     slopes = slopes.in_noise_of(replayer.measured.noise)
-    result = _fit(replayer, slopes.right, slopes.columns)
+    result = _fit(replayer, slopes, slopes.columns)
     best = result.best
     if not is_small(replayer, slopes.columns, best.residual):
         columns, hypothesis = slopes.columns, best.hypothesis
         found = expand(replayer, slopes.tolerances, columns, hypothesis, best.residual)
         if found.expansion.parts and found.power < FAR:
             replayer.expansion = found.expansion
-            result = _fit(replayer, slopes.right, found.columns)
+            result = _fit(replayer, slopes, found.columns)
     return intervals(result.problem, result.best)[0][name]
 
 
-def _fit(replayer: Replayer, right: Sequence[Sensitivity], columns: Floats) -> Search:
+def _fit(replayer: Replayer, slopes: Slopes, columns: Floats) -> Search:
     """Fit the known cause with as rough tolerances as its remainder shows."""
-    return search_roughly(replayer, replayer.residual([]), columns, right, KNOWN)
+    null = replayer.residual([])
+    return search_roughly(replayer, null, slopes.tolerances, columns, slopes.right, KNOWN)
