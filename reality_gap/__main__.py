@@ -238,14 +238,15 @@ def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
     """Print the sentence of a verdict, its causes, and what the log cannot show."""
     from reality_gap.report.log_text import flat_line, log_lines
     from reality_gap.report.terminal import calibration_line, cause_table
-    from reality_gap.report.words import about_notes
+    from reality_gap.report.words import about_notes, about_restarts
 
     _print(console, diagnosis.sentence)
     if diagnosis.causes:
         console.print(cause_table(diagnosis), markup=False)
     if diagnosis.calibration:
         _print(console, calibration_line(diagnosis, diagnosis.calibration))
-    for line in (about_notes(diagnosis), *log_lines(diagnosis), flat_line(diagnosis)):
+    lines = about_restarts(diagnosis), about_notes(diagnosis)
+    for line in (*lines, *log_lines(diagnosis), flat_line(diagnosis)):
         if line:
             _print(console, line)
 

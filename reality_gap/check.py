@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-import mujoco
 import numpy as np
 
 from reality_gap.causes import CATALOGUE
@@ -16,6 +15,7 @@ from reality_gap.simulation.inverse_dynamics import ensure_prepared, left_out
 from reality_gap.simulation.replay_warnings import replay_warnings
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
+from reality_gap.study.restarts import position_channels
 from reality_gap.study.system import command_limits, commanded, compile_system
 from reality_gap.types import Floats
 
@@ -256,20 +256,10 @@ def _left_out_efforts(study: Study, prepared: Study) -> list[str]:
     ]
 
 
-def _position_channels(study: Study, model: mujoco.MjModel) -> dict[str, int]:
-    """Return the channel of the position of each joint that is measured."""
-    jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
-    return {
-        model.joint(int(model.sensor(channel.sensor).objid[0])).name: i
-        for i, channel in enumerate(study.channels)
-        if channel.kind == "sensor" and int(model.sensor(channel.sensor).type[0]) == jointpos
-    }
-
-
 def _beyond_stops(study: Study) -> list[str]:
     """Warn of joints that were measured where the model's stop pushes them back."""
     model, found = study.spec().compile(), []
-    for name, channel in _position_channels(study, model).items():
+    for name, channel in position_channels(study, model).items():
         joint, values = model.joint(name).id, _values(study, channel)
         low, high = model.jnt_range[joint]
         if not model.jnt_limited[joint] or not len(values):
@@ -286,7 +276,7 @@ def _beyond_stops(study: Study) -> list[str]:
 def _beginnings(study: Study) -> list[str]:
     """Warn of initial joint positions that contradict the joint's range or its first reading."""
     model = study.spec().compile()
-    read, found = _position_channels(study, model), []
+    read, found = position_channels(study, model), []
     for episode in study.episodes:
         for name, position in {**study.initial.joints, **episode.joints}.items():
             joint = model.joint(name)

@@ -352,6 +352,8 @@ class Diagnosis:
             then checks it.
         calibration: the extended model with all its numbers adjusted; None if that does not predict
             better.
+        restart: longest time between two moments at which replays began again as the readings show
+            the state; 0 if each log was replayed from its begin only [s].
     """
 
     study: str
@@ -382,6 +384,7 @@ class Diagnosis:
     posterior: Posterior | None = None
     notes: tuple[str, ...] | None = None
     calibration: Calibration | None = None
+    restart: float = 0.0
 
     def sample(self, n: int, seed: int = 0) -> list[Extended]:
         """Sample models of what the machine may be, such as for the training of a policy.

@@ -65,6 +65,8 @@ class Extended:
     def replay(self, study: Study) -> Replay:
         """Replay a study with the extended model.
 
+        Replays begin again where the study states it; see `restart` in docs/reality_gap.md.
+
         Raises:
             UnknownNameError: see `plant`.
         """

@@ -360,4 +360,5 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         flat=outcome.flat,
         posterior=Posterior(system, replayer.usual, outcome.branches) if outcome.branches else None,
         calibration=outcome.calibration,
+        restart=system.study.restart,
     )

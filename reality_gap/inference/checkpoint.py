@@ -76,7 +76,7 @@ def digest(study: Study, candidates: Sequence[Candidate]) -> str:
     found.update(buffer.tobytes())
     found.update(repr((study.channels, study.initial, sorted(study.uses.items()))).encode())
     for episode in study.episodes:
-        begin = sorted(episode.joints.items()), sorted(episode.states.items())
+        begin = sorted(episode.joints.items()), sorted(episode.states.items()), episode.restarts
         found.update(repr((episode.name, *begin)).encode())
         for array in (episode.time, episode.command):
             found.update(np.ascontiguousarray(array).tobytes())

@@ -167,6 +167,7 @@ def search(
     settings: Settings,
     deferred: Deferred | None = None,
     known: Sequence[Fit] = (),
+    relinearise: bool = True,
 ) -> Search:
     """Search for the causes of a residual.
 
@@ -176,6 +177,7 @@ def search(
         settings: thresholds.
         deferred: candidates that are screened where others have evidence.
         known: fits of single candidates by an earlier search, which are tried, too.
+        relinearise: whether slopes of tolerances may become those beside the causes.
     """
     plain, best, near = problem, null_fit(problem), sensitivities
     steps, stop, is_bent = list[Step](), None, False
@@ -205,7 +207,7 @@ def search(
             stop = refuting_stop(plain, step.base, best if step.accepted else None)
         if stop is not None or not step.accepted:
             break
-        beside_best = relinearised(plain, best)
+        beside_best = relinearised(plain, best) if relinearise else None
         if beside_best is not None:
             plain, is_bent = beside_best, True
             problem = plain.inflated(best.residual)

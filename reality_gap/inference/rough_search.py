@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
 
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.forward_selection import Search, Settings, search
@@ -29,7 +32,9 @@ def search_roughly(
 ) -> Search:
     """Search for causes, again with larger tolerances as long as these are likelier.
 
-    What a stop leaves beside a cause that it refutes is no deviation, and ends the search.
+    What a stop leaves beside a cause that it refutes is no deviation, and ends the search. Where
+    slopes beside a wrong first cause lead to causes that leave more than the slopes of the nominal
+    model do, these are kept.
 
     Args:
         replayer: replays hypotheses.
@@ -46,10 +51,19 @@ def search_roughly(
     while True:
         noise_model = independent_noise(replayer.measured, rough * columns)
         problem = Problem(replayer, null_residual, noise_model, rough, tolerances, handicaps)
-        result = search(problem, sensitivities, settings, deferred, known)
+        run = partial(search, problem, sensitivities, settings, deferred)
+        result = run(known)
+        if result.relinearised:
+            fixed = run(result.singles, relinearise=False)
+            result = min(result, fixed, key=lambda one: _left(one.best))
         inflation = result.problem.noise_model.inflation
         own = result.problem.noise_model.tolerances / rough
         found = roughness(replayer.measured, own, result.best.residual, inflation)
         if found <= rough or result.stop is not None:
             return result
         sensitivities, rough, known = result.sensitivities, found, result.singles
+
+
+def _left(fitted: Fit) -> float:
+    """Return the mean square of what causes leave [noise variances]."""
+    return float(np.mean(fitted.residual**2))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,9 @@ from reality_gap.inference.screening import STEP, Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import ReadState, Study
-from reality_gap.types import Floats
+from reality_gap.study.measurements import Measured
+from reality_gap.study.restarts import with_states
+from reality_gap.types import Floats, Ints
 
 DRIFT_TOLERANCE = 0.2
 """Relative tolerance of the error of the time step that was subtracted from residuals. A log that
@@ -25,8 +26,8 @@ MANY = 5.0
 """Step of a column, in tolerances, from which on it hardly tells the effect of one tolerance."""
 START_SEEN = 0.3
 """Norm of the effect of an initial state up to which it does not matter [noise]."""
-MOST_STARTS = 100
-"""Largest number of errors of initial states, for studies with many episodes."""
+MOST_STARTS = 400
+"""Largest number of errors of initial states, for studies with many episodes or restarts."""
 BEFORE, UNKNOWN = 0.01, 0.1
 """Errors of the position [s] and of the velocity with which a log begins, over the joint's velocity
 then or its typical one: what was commanded before is not known, and machines with a delay still
@@ -169,7 +170,8 @@ def start_columns(replayer: Replayer, base: Hypothesis = ()) -> list[Floats]:
     """Return the change of the readings by each error of an initial state, shape (n,) each.
 
     Each joint whose readings show where an episode begins has an error of its position and one of
-    its velocity in each episode. Those with little effect are left out, as are the least of many.
+    its velocity in each episode, and at each of its restarts, where what was commanded before is
+    known. Those with little effect are left out, as are the least of many.
 
     Args:
         replayer: replays hypotheses.
@@ -178,42 +180,45 @@ def start_columns(replayer: Replayer, base: Hypothesis = ()) -> list[Floats]:
     study, measured = replayer.system.study, replayer.measured
     if study.inverse:
         return []
-    joints = dict.fromkeys(joint for episode in study.episodes for joint in episode.states)
-    columns = []
+    joints = dict.fromkeys(joint for states in study.states for joint in states)
+    parts, columns = _parts(study, measured), list[Floats]()
     for joint in joints:
         typical = joint_speed(replayer.system, Location("joint", (joint,)))
         for moved in (_displaced(study, joint, typical), _pushed(study, joint, typical)):
             change = replayer.change_of_start(moved, base) / measured.noise
-            for e in range(len(study.episodes)):
-                own = np.where(measured.episode == e, change, 0.0)
+            for part in range(len(study.states)):
+                own = np.where(parts == part, change, 0.0)
                 if np.linalg.norm(own) > START_SEEN:
                     columns.append(own)
     return sorted(columns, key=lambda c: -float(np.linalg.norm(c)))[:MOST_STARTS]
 
 
+def _parts(study: Study, measured: Measured) -> Ints:
+    """Return the index of the states (see `Study.states`) before each reading, shape (n,)."""
+    found, first = np.zeros(len(measured.time), dtype=np.int64), 0
+    for e, episode in enumerate(study.episodes):
+        own, times = measured.episode == e, [restart.time for restart in episode.restarts]
+        found[own] = first + np.searchsorted(times, measured.time[own], side="right")
+        first += 1 + len(times)
+    return found
+
+
 def _displaced(study: Study, joint: str, typical: float) -> Study:
     """Return a study that begins with a joint displaced by the error of its position."""
 
-    def change(state: ReadState) -> ReadState:
-        error = float(np.hypot(state.position_error, BEFORE * max(abs(state.speed), typical)))
+    def change(state: ReadState, within: bool) -> ReadState:
+        before = 0.0 if within else BEFORE * max(abs(state.speed), typical)
+        error = float(np.hypot(state.position_error, before))
         return state._replace(position=state.position + error)
 
-    return _begun(study, joint, change)
+    return with_states(study, change, joint)
 
 
 def _pushed(study: Study, joint: str, typical: float) -> Study:
     """Return a study that begins with a joint faster by the error of its velocity."""
 
-    def change(state: ReadState) -> ReadState:
-        error = float(np.hypot(state.speed_error, UNKNOWN * max(abs(state.speed), typical)))
-        return state._replace(speed=state.speed + error)
+    def change(state: ReadState, within: bool) -> ReadState:
+        unknown = 0.0 if within else UNKNOWN * max(abs(state.speed), typical)
+        return state._replace(speed=state.speed + float(np.hypot(state.speed_error, unknown)))
 
-    return _begun(study, joint, change)
-
-
-def _begun(study: Study, joint: str, change: Callable[[ReadState], ReadState]) -> Study:
-    episodes = tuple(
-        replace(e, states={**e.states, joint: change(e.states[joint])}) if joint in e.states else e
-        for e in study.episodes
-    )
-    return replace(study, episodes=episodes)
+    return with_states(study, change, joint)

@@ -17,6 +17,7 @@ from reality_gap.io.schema import Line, StudyFile, read_study_file
 from reality_gap.io.validation import actuator_names, check_against_model, measured_joints
 from reality_gap.study.data import Channel, Episode, Initial, Study, load_untrusted_spec
 from reality_gap.study.first_readings import with_read_states
+from reality_gap.study.restarts import with_restarts
 
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """Names of a sensor's components, by their number; for other numbers 0, 1, ..."""
@@ -45,7 +46,7 @@ def load_study(path: Path | str) -> Study:
     check_against_model(file, model)
     channels = _channels(file)
     episodes = _episodes(file, model)
-    initial = Initial(file.joints or {}, file.settle)
+    initial = Initial(file.joints or {}, file.settle, file.restart)
     study = Study(file.name, file.model, channels, episodes, initial, file.absolute_encoders)
     if file.joints is None:
         study = _start_at_first_readings(file, model, study)
@@ -113,7 +114,8 @@ def _start_at_first_readings(file: StudyFile, model: mujoco.MjModel, study: Stud
                     f"{file.path}: initial.joints is first_reading, but episode {episode.name} "
                     f"has no reading of {channel.name}"
                 )
-    return with_read_states(study, joints)
+    study = with_read_states(study, joints)
+    return with_restarts(study, model, file.restart or 0.0)
 
 
 def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:

@@ -15,6 +15,10 @@ from reality_gap.types import Floats
 RELATIVE, ABSOLUTE = "relative", "absolute"
 """Kinds of encoders of tendons."""
 
+RESTART = "replays begin again in the states that readings of joints show"
+LEAST_RESTART = 0.05
+"""Shortest time between two restarts of replays [s]."""
+
 
 @dataclass(frozen=True)
 class Line:
@@ -75,6 +79,7 @@ class StudyFile:
         actuators, sensors, efforts: lines by name of the actuator, sensor or joint.
         joints: initial positions [rad or m]; None to take the first reading of each joint.
         settle: how long the first command is held before the log begins [s].
+        restart: largest time between two restarts of replays; None for as often as needed [s].
         absolute_encoders: whether encoders of tendons are absolute.
     """
 
@@ -88,6 +93,7 @@ class StudyFile:
     efforts: dict[str, Line]
     joints: dict[str, float] | None
     settle: float
+    restart: float | None = None
     absolute_encoders: bool = False
 
     def locate(self, name: str) -> Path:
@@ -138,7 +144,9 @@ def read_study_file(path: Path) -> StudyFile:
         raise StudyError(f"{path} has both actuators and efforts; give only one of them")
     if not sensors and not efforts:
         raise StudyError(f"{path} has no measurements; give at least one line under sensors")
-    joints, settle = _initial(top)
+    joints, settle, restart = _initial(top)
+    if restart and not actuators:
+        raise StudyError(f"{path}, initial.restart: {RESTART}; efforts are not replayed")
     return StudyFile(
         path=path,
         name=top.text("name", path.stem),
@@ -150,6 +158,7 @@ def read_study_file(path: Path) -> StudyFile:
         efforts=efforts,
         joints=joints,
         settle=settle,
+        restart=restart,
         absolute_encoders=_encoders(top),
     )
 
@@ -238,17 +247,25 @@ def _shifts(episode: Part, names: tuple[str, ...]) -> dict[str, float]:
     return shifts
 
 
-def _initial(top: Part) -> tuple[dict[str, float] | None, float]:
+def _initial(top: Part) -> tuple[dict[str, float] | None, float, float | None]:
     part = top.part("initial")
     if part.value is None:
-        return {}, 1.0
-    part.only("joints", "settle")
-    settle = part.number("settle", 1.0)
+        return {}, 1.0, None
+    part.only("joints", "settle", "restart")
+    settle, read = part.number("settle", 1.0), part.part("joints").value == "first_reading"
     if settle < 0.0:
         raise part.fault(f"settle must be a time in seconds, 0 or more, not {settle:g}")
-    if part.part("joints").value == "first_reading":
-        return None, settle
-    return _joints(part), settle
+    restart = None
+    if part.part("restart").value is not None:
+        restart = part.number("restart", 0.0)
+        if restart != 0.0 and restart < LEAST_RESTART:
+            raise part.fault(
+                f"restart must be a time in seconds from {LEAST_RESTART:g} on, or 0 for none, not "
+                f"{restart:g}"
+            )
+        if restart and not read:
+            raise part.fault(f"restart needs 'joints: first_reading'; {RESTART}")
+    return (None if read else _joints(part)), settle, restart
 
 
 def _joints(part: Part) -> dict[str, float]:

@@ -93,6 +93,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         kind=words.kind(diagnosis.verdict),
         notes=diagnosis.notes or (),
         about_notes=words.about_notes(diagnosis),
+        about_restarts=words.about_restarts(diagnosis),
         figures=words.figures(diagnosis),
         why=words.why(diagnosis),
         rows=[row for cause in diagnosis.causes for row in parameter_rows(cause)],

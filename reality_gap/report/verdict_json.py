@@ -41,6 +41,8 @@ Keys of the file, which are part of the interface:
                           none was found; "doubts" hold what lowers the confidence of each cause
     rms_before            RMS of the residual of the model on held-out data, in noise deviations
     rms_after             the same for the extended model
+    restart               longest time between two moments at which replays began again as the
+                          readings show the state, 0 if they did not [s]
     calibration           the extended model with all its numbers adjusted, in calibrated.xml; null
                           if that does not predict better:
         rms               RMS of its residual on held-out data, in noise deviations
@@ -116,6 +118,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "rms_before": diagnosis.rms_before,
         "rms_after": diagnosis.rms_after,
         "calibration": _calibration(diagnosis.calibration),
+        "restart": diagnosis.restart,
         "noise_floor": diagnosis.noise_floor,
         "gain": _gain(diagnosis.gain),
         "likelihood_gain": _gain(diagnosis.likelihood_gain),

@@ -53,6 +53,17 @@ def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     return found
 
 
+def about_restarts(diagnosis: Diagnosis) -> str:
+    """Return a sentence on restarts of replays; empty if there were none."""
+    if not diagnosis.restart:
+        return ""
+    return (
+        "The motion amplifies errors of its state, so that no model predicts a whole log from its "
+        f"begin: replays begin again from the readings every {number(diagnosis.restart)} s, and "
+        "residuals are those within these parts."
+    )
+
+
 def about_notes(diagnosis: Diagnosis) -> str:
     """Return a sentence that refers to the notes of an unexplained gap; empty without notes."""
     count = len(diagnosis.notes or ())

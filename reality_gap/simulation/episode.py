@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -46,6 +47,19 @@ def silence() -> None:
     mujoco.set_mju_user_warning(lambda message: None)
 
 
+class NewState(NamedTuple):
+    """State of some joints within an episode, whatever they did before.
+
+    Attributes:
+        step: index of the physics step at whose begin they have it.
+        joints, speeds: positions [m or rad] and velocities [m/s or rad/s] by joint.
+    """
+
+    step: int
+    joints: Mapping[str, float]
+    speeds: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Task:
     """Input of the simulation of one episode.
@@ -56,6 +70,7 @@ class Task:
         joints: positions of joints before settling [m or rad].
         speeds: their velocities [m/s or rad/s]; 0 for joints that are not there.
         settle: how long the first command is held before the episode begins [s].
+        restarts: when joints have new states, in this order.
     """
 
     start: float
@@ -63,6 +78,7 @@ class Task:
     joints: Mapping[str, float]
     speeds: Mapping[str, float]
     settle: float
+    restarts: Sequence[NewState] = ()
 
 
 def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) -> Record:
@@ -91,7 +107,13 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) 
     running = [_Running(h, h.make(model)) for h in hooks]
     _advance(model, data, running, np.repeat(task.command[:1], settling, axis=0), None)
     record = _empty_record(model, task.start + step * np.arange(len(task.command)))
-    _advance(model, data, running, task.command, record)
+    begin = 0
+    for index, joints, speeds in task.restarts:
+        part = task.command[begin:index]
+        _advance(model, data, running, part, _part(record, begin, index))
+        set_state(model, data, joints, speeds)
+        begin = index
+    _advance(model, data, running, task.command[begin:], _part(record, begin))
     count = len(record.force[0]), len(record.length[0])
     probes = record.sensors[:, model.nsensordata - count[0] - 2 * count[1] :]
     record.force[:] = probes[:, : count[0]]
@@ -100,6 +122,12 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) 
     if data.warning.number.any():
         record.sensors[:] = np.nan
     return record
+
+
+def _part(record: Record, begin: int, end: int | None = None) -> Record:
+    """Return the signals of some steps, as views."""
+    signals = (one.name for one in fields(record) if one.name != "model")
+    return replace(record, **{name: getattr(record, name)[begin:end] for name in signals})
 
 
 def _fill_histories(model: mujoco.MjModel, data: mujoco.MjData, command: Floats) -> None:

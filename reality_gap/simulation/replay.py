@@ -7,16 +7,16 @@ interpolated at the times of the measured readings.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Hashable
+from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, fields, replace
 
 import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Record
-from reality_gap.simulation.episode import Task, compile_with_probes, simulate
+from reality_gap.simulation.episode import NewState, Task, compile_with_probes, simulate
 from reality_gap.simulation.hypothesis import Plant
-from reality_gap.study.data import Episode, Study
+from reality_gap.study.data import Episode, ReadState, Study
 from reality_gap.study.measurements import Measured
 from reality_gap.types import Bools, Floats, Ints
 
@@ -180,20 +180,37 @@ def _simulate(
     command = _commands(episode, rows, model.opt.timestep)
     for effect in plant.effects.commands:
         command = effect(model, time, command)
-    states = dict(episode.states)
-    for begin in reversed(plant.effects.starts):
-        begin(states)
-    initial = study.initial
+    states, initial = _true_states(plant, episode.states), study.initial
     read = {joint: state.position for joint, state in states.items()}
     speeds = {joint: 0.0 if initial.settle else state.speed for joint, state in states.items()}
-    task = Task(
-        start, command, {**initial.joints, **episode.joints, **read}, speeds, initial.settle
-    )
+    joints = {**initial.joints, **episode.joints, **read}
+    restarts = _restarts(plant, episode, model.opt.timestep)
+    task = Task(start, command, joints, speeds, initial.settle, restarts)
     hooks = [h for h in plant.effects.hooks if h.start < time[-1] and h.end > start]
     if cache is None or hooks:
         return simulate(model, task, hooks)
-    key = (plant.edits, model.opt.timestep, start, command.tobytes(), tuple(states.items()))
+    again = repr((states, restarts))
+    key = (plant.edits, model.opt.timestep, start, command.tobytes(), again)
     return cache.get(key, lambda: simulate(model, task, hooks))
+
+
+def _true_states(plant: Plant, read: Mapping[str, ReadState]) -> dict[str, ReadState]:
+    """Return the states of joints whose readings have the errors of a plant."""
+    states = dict(read)
+    for begin in reversed(plant.effects.starts):
+        begin(states)
+    return states
+
+
+def _restarts(plant: Plant, episode: Episode, step: float) -> list[NewState]:
+    """Return the states in which a replay begins again, at the next physics step [s] each."""
+    found = []
+    for time, read in episode.restarts:
+        states, index = _true_states(plant, read), int(np.ceil(time / step - 1e-6))
+        late = index * step - time
+        joints = {joint: state.position + late * state.speed for joint, state in states.items()}
+        found.append(NewState(index, joints, {joint: s.speed for joint, s in states.items()}))
+    return found
 
 
 def _steps(

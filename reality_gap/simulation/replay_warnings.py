@@ -46,7 +46,7 @@ class _Touch(NamedTuple):
 
 
 def replay_warnings(study: Study) -> list[str]:
-    """Return sentences on the time step and on contacts in replays of the nominal model.
+    """Return sentences on the time step, restarts and contacts in replays of the nominal model.
 
     Of a study of efforts, those are said that touch in the measured motion.
     """
@@ -58,7 +58,19 @@ def replay_warnings(study: Study) -> list[str]:
             return []
         motions = [record.qpos for record in replay.records]
         touches = _touches(replayer.system.model, motions)
-        return [*_coarse_step(replayer), *map(_exclude, touches)]
+        restarts = _restarts(replayer.system.study)
+        return [*_coarse_step(replayer), *restarts, *map(_exclude, touches)]
+
+
+def _restarts(study: Study) -> list[str]:
+    """Return a sentence if replays need restarts that the study does not state."""
+    if not study.restart or study.initial.restart is not None:
+        return []
+    return [
+        "the motion amplifies errors of its state, so that no model predicts it for long: replays "
+        f"begin again from the readings every {study.restart:.2g} s. 'restart:' under initial "
+        "sets this time, and 0 replays each log from its begin only"
+    ]
 
 
 def _exclude(touch: _Touch) -> str:

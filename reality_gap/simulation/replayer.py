@@ -30,6 +30,7 @@ from reality_gap.simulation.hypothesis import (
 from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
 from reality_gap.simulation.light_model import light_spec, without_distant_meshes
 from reality_gap.simulation.likelier_start import with_likelier_start
+from reality_gap.simulation.needed_restarts import with_needed_restarts
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import (
@@ -188,6 +189,8 @@ class Replayer:
                 study = with_estimated_noise(study, self.measured, predict(study))
                 self.system = replace(self.system, study=study)
                 self.measured = measured(study)
+            study = with_needed_restarts(study, self.measured, predict)
+            self.system = replace(self.system, study=study)
             if np.any(rounding_steps(study) > 0.0):
                 self.measured = with_shared_rounding(study, self.measured, predict(study))
         finally:

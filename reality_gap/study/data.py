@@ -66,6 +66,18 @@ class ReadState(NamedTuple):
     speed_error: float
 
 
+class Restart(NamedTuple):
+    """A moment at which replays of an episode begin again; see `reality_gap.study.restarts`.
+
+    Attributes:
+        time: since the begin of the episode [s].
+        states: states of joints by name; the others go on as they were.
+    """
+
+    time: float
+    states: Mapping[str, ReadState]
+
+
 @dataclass(frozen=True)
 class Episode:
     """One uninterrupted log.
@@ -83,6 +95,7 @@ class Episode:
         start: when the episode began, since a moment that is the same for all episodes [s]; None
             if unknown.
         states: initial states of those joints whose own readings show them.
+        restarts: when replays begin again, in this order.
     """
 
     name: str
@@ -93,6 +106,7 @@ class Episode:
     log: str = ""
     start: float | None = None
     states: Mapping[str, ReadState] = field(default_factory=dict)
+    restarts: tuple[Restart, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -108,10 +122,13 @@ class Initial:
     Attributes:
         joints: positions of joints [m or rad]; the other joints start at the model's ``qpos0``.
         settle: how long the first command is held before the log begins [s].
+        restart: largest time between two moments at which replays begin again, as the readings
+            show it; 0 for never, None for as often as it is needed [s].
     """
 
     joints: Mapping[str, float] = field(default_factory=dict)
     settle: float = 1.0
+    restart: float | None = None
 
 
 class JointUse(NamedTuple):
@@ -165,6 +182,18 @@ class Study:
     def duration(self) -> float:
         """Sum of the durations of all episodes [s]."""
         return sum(episode.duration for episode in self.episodes)
+
+    @property
+    def states(self) -> tuple[Mapping[str, ReadState], ...]:
+        """States in which replays begin, of each episode and of each of its restarts, in order."""
+        return tuple(s for e in self.episodes for s in (e.states, *(r.states for r in e.restarts)))
+
+    @property
+    def restart(self) -> float:
+        """Longest time between two begins of replays, 0 if no log has restarts [s]."""
+        times = [[0.0, *(one.time for one in e.restarts), e.duration] for e in self.episodes]
+        longest = max(float(np.diff(some).max()) for some in times)
+        return longest if any(episode.restarts for episode in self.episodes) else 0.0
 
     @property
     def logs(self) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ def read_state(time: Floats, value: Floats, noise: float) -> ReadState:
         return ReadState(float(value[0]), 0.0, noise, 0.0)
     if time[0] > time[1] - time[0]:  # a cubic that is extrapolated so far shows nothing
         time = time - time[0]
-    rate, speed = _rate_and_speed(time, value, noise)
+    rate, speed = rate_and_speed(time, value, noise)
     within = int(np.sum((time - time[0]) * rate <= SHARE)) if rate else MOST
     count = min(max(within, FEWEST), MOST, len(value))
     while True:
@@ -78,7 +78,7 @@ def read_state(time: Floats, value: Floats, noise: float) -> ReadState:
         count = max(count // 2, FEWEST)
 
 
-def _rate_and_speed(time: Floats, value: Floats, noise: float) -> tuple[float, float]:
+def rate_and_speed(time: Floats, value: Floats, noise: float) -> tuple[float, float]:
     """Return velocity over position [1/s] and velocity, RMS, of a whole log; 0 for one at rest."""
     stride = max(1, round(PERIOD * (len(time) - 1) / (time[-1] - time[0])))
     steps, moved = np.diff(time[::stride]), np.diff(value[::stride])

@@ -30,7 +30,7 @@ episodes: [{commands: log.csv}]
 time: {column: time, unit: s}
 actuators: {motor: {column: torque, unit: N m}}
 sensors: {angle: {column: angle, unit: rad, noise: 1e-3}}
-initial: {joints: first_reading, settle: 0}
+initial: {joints: first_reading, settle: 0, restart: 0}
 """
 IDS = ("coulomb_friction", "viscous_friction", "link_mass", "force_scale", "armature")
 

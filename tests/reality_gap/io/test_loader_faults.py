@@ -52,6 +52,11 @@ def _cell(column: str, row: int, value: object, file: str = "robot_0.csv") -> Sp
     return spoil
 
 
+def _restart_of_efforts(folder: Any) -> None:
+    folder.content["efforts"] = folder.content.pop("actuators")
+    folder.content["initial"] = {"joints": "first_reading", "restart": 1.0}
+
+
 def _fill(column: str, value: object) -> Spoil:
     def spoil(folder: Any) -> None:
         for columns in folder.logs.values():
@@ -199,6 +204,12 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "huge scale": (_set("sensors", "length_flexor", "scale", value=1e31), ("scale", "1e+30")),
     "yes for a column": (_set("time", "column", value=True), ("quotes",)),
     "negative settle": (_set("initial", "settle", value=-1), ("settle", "0 or more")),
+    "negative restart": (
+        _set("initial", value={"joints": "first_reading", "restart": -1}),
+        ("restart", "0.05", "0 for none"),
+    ),
+    "restart without readings": (_set("initial", "restart", value=1.0), ("first_reading",)),
+    "restart of what is not replayed": (_restart_of_efforts, ("initial.restart", "efforts")),
     "settles for ever": (
         _set("initial", "settle", value=1e9),
         ("more than 1e+08 steps of the model's timestep, 0.004 s", "shorten settle"),
