@@ -219,7 +219,7 @@ class Correction:
         candidate: the cause that would change it, and where.
         parameter: the number.
         value: the adjustment [unit of the parameter].
-        tolerances: the adjustment in tolerances.
+        tolerances: the adjustment in tolerances; many of these after a joint fit.
     """
 
     candidate: Candidate
@@ -236,11 +236,16 @@ class Calibration:
         corrections: the adjustments, the largest first. None of them is a finding.
         rms: RMS of the residual on the report split [noise].
         xml: the model as MJCF.
+        effects: adjustments and named causes that ``xml`` cannot express, with their values.
+        together: whether gains, friction, damping, masses and the like were fitted together, in
+            place of the named causes: these left too much.
     """
 
     corrections: tuple[Correction, ...]
     rms: float
     xml: str
+    effects: tuple[tuple[Candidate, Mapping[str, float]], ...] = ()
+    together: bool = False
 
 
 @dataclass(frozen=True)

@@ -213,8 +213,8 @@ class _Run:
         if outcome.verdict is Verdict.NOTHING_WRONG:
             outcome = replace(outcome, branches=(tolerance_branch(tolerances),))
         else:
-            problem = supported.paying.result.problem
-            calibration = calibrate(problem, outcome.hypothesis, tolerances)
+            found = supported.paying.result
+            calibration = calibrate(found.problem, outcome.hypothesis, tolerances, found.joint)
             outcome = replace(outcome, calibration=calibration)
         if not options.suggest:
             return outcome

@@ -7,6 +7,10 @@ good one, the most probable deviations are a ridge regression, in which each num
 proportion to its own tolerance and as little as the readings ask for. s is the largest one with
 which deviations from the fit split surely predict the selection split better than with those
 below, by exact replays.
+
+Where the model is wrong by many noises and the named causes leave much of it, deviations begin at a
+joint fit of what a person would free (see `joint_fit`), if that surely predicts better. Which of
+its parameters is to blame is not known; together they are.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from reality_gap.inference.held_out import score
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.inference.whitening import likeliest_sizes
-from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, build
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, build, has_effects
 from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.splits import FIT, SELECT, split
 from reality_gap.types import Bools, Floats
@@ -45,7 +49,10 @@ class _Fitted(NamedTuple):
 
 
 def calibrate(
-    problem: Problem, hypothesis: Hypothesis, tolerances: Sequence[Tolerance]
+    problem: Problem,
+    hypothesis: Hypothesis,
+    tolerances: Sequence[Tolerance],
+    joint: Hypothesis = (),
 ) -> Calibration | None:
     """Adjust the numbers of a model beside the named causes.
 
@@ -53,38 +60,46 @@ def calibrate(
         problem: the study and its noise model; tolerances are its first columns.
         hypothesis: the named causes with their values; none for the nominal model.
         tolerances: of the candidates.
+        joint: a joint fit with its values; none if there is none.
 
     Returns:
-        The deviations; None if with none of the roughnesses they surely predict the selection split
+        The deviations; None if neither they nor the joint fit surely predict the selection split
         better than the named causes alone.
     """
     replayer = problem.replayer
     kept, replayer.expansion = replayer.expansion, Expansion()
     try:
-        return _calibrated(problem, hypothesis, tolerances)
+        return _calibrated(problem, hypothesis, tolerances, joint)
     finally:
         replayer.expansion = kept
 
 
 def _calibrated(
-    problem: Problem, hypothesis: Hypothesis, tolerances: Sequence[Tolerance]
+    problem: Problem,
+    hypothesis: Hypothesis,
+    tolerances: Sequence[Tolerance],
+    joint: Hypothesis,
 ) -> Calibration | None:
-    system, measured = problem.system, problem.measured
-    able = _adjustable(problem.replayer, hypothesis, tolerances)
+    system, measured, role = problem.system, problem.measured, split(problem.measured)
     before = problem.replayer.residual(hypothesis)
-    if not able or not np.isfinite(before).all():
+    if not np.isfinite(before).all():
         return None
-    fitter = _Fitter(problem, hypothesis, tolerances, able, before)
-    role = split(measured)
+    base, least = hypothesis, before
+    if joint:
+        left = problem.replayer.residual(joint)
+        if score(system.study, measured, before, left, role == SELECT).improvement.low > 0.0:
+            base, least = joint, left
+    able = _adjustable(problem.replayer, base, tolerances)
+    fitter = _Fitter(problem, base, tolerances, able, least)
 
-    rough, least = 0.0, before
-    for s in ROUGH:
+    rough = 0.0
+    for s in ROUGH if able else ():
         after = fitter.fit(s, role == FIT).residual
         if score(system.study, measured, least, after, role == SELECT).improvement.low > 0.0:
             rough, least = s, after
-    if rough == 0.0:
+    if rough == 0.0 and base is hypothesis:
         return None
-    found = fitter.fit(rough, role <= SELECT)
+    found = fitter.fit(rough, role <= SELECT) if rough else fitter.none
     scored = score(system.study, measured, before, found.residual)
     parts, sizes = fitter.parts(found.sizes)
     corrections = [
@@ -92,9 +107,24 @@ def _calibrated(
         for i, x in zip(able, sizes, strict=True)
         if abs(x) > SEEN
     ]
+    together = base is not hypothesis
+    if together:
+        corrections += _corrections(base)
     ordered = tuple(sorted(corrections, key=lambda one: -abs(one.tolerances)))
-    plant = problem.replayer.plant([*parts, *hypothesis])
-    return Calibration(ordered, scored.after, plant.spec.to_xml())
+    whole = [*parts, *base]
+    effects = tuple(part for part in whole if has_effects(system, *part))
+    xml = problem.replayer.plant(whole).spec.to_xml()
+    return Calibration(ordered, scored.after, xml, effects, together)
+
+
+def _corrections(hypothesis: Hypothesis) -> list[Correction]:
+    """Return the adjustments of a joint fit; a form has no tolerance, and is none of them."""
+    return [
+        Correction(candidate, p, values[p.name], (values[p.name] - p.null) / p.tolerance)
+        for candidate, values in hypothesis
+        for p in candidate.parameters
+        if p.tolerance > 0.0 and values[p.name] != p.null
+    ]
 
 
 def _adjustable(
@@ -141,6 +171,11 @@ class _Fitter:
         self._own = columns[:, list(able)] / problem.roughness
         self._rest = columns[:, others:]
 
+    @property
+    def none(self) -> _Fitted:
+        """The model without deviations."""
+        return _Fitted(np.zeros(len(self._chosen)), self._before)
+
     def parts(self, sizes: Floats) -> tuple[list[Part], Floats]:
         """Return deviations of these sizes (p,) within their bounds, and those sizes (p,)."""
         values = dict[tuple[str, object], tuple[Candidate, dict[str, float]]]()
@@ -167,7 +202,7 @@ class _Fitter:
             misfit = np.sum((fitted.residual**2 / inflation)[use])
             return 0.5 * float(misfit + np.sum((fitted.sizes / rough) ** 2))
 
-        best = _Fitted(np.zeros(self._own.shape[1]), self._before)
+        best = self.none
         for _ in range(STEPS):
             linear = best.residual + self._own @ best.sizes
             aim = rough * likeliest_sizes(columns, inflation, use, linear)[: len(best.sizes)]

@@ -135,6 +135,8 @@ class Search:
         revised: steps in which earlier causes were replaced; see `revise`.
         stop: a stop that explains more than the last cause, with which the search ended.
         relinearised: whether the slopes of tolerances are those beside the causes.
+        joint: a joint fit, if the model is wrong by many noises beside the causes; see `joint_fit`.
+        together: whether the causes are those of the joint fit.
     """
 
     problem: Problem
@@ -144,6 +146,8 @@ class Search:
     revised: tuple[Step, ...] = ()
     stop: Stop | None = None
     relinearised: bool = False
+    joint: Hypothesis = ()
+    together: bool = False
 
     @property
     def singles(self) -> tuple[Fit, ...]:
@@ -429,7 +433,7 @@ def revise(result: Search, settings: Settings) -> Search:
     The first cause of two was chosen when it had to explain a part of the effect of the other. Or
     it stands for a cause that was nearly as likely, and a later one for the difference.
     """
-    if len(result.best.hypothesis) <= 1:
+    if result.together or len(result.best.hypothesis) <= 1:
         return result
     problem, best = result.problem, _one_for_two(result, settings)
     for candidate in best.candidates:

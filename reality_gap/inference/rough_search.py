@@ -10,6 +10,7 @@ import numpy as np
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.forward_selection import Search, Settings, search
 from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.joint_search import with_joint_fit
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.roughness import roughness
@@ -34,7 +35,8 @@ def search_roughly(
 
     What a stop leaves beside a cause that it refutes is no deviation, and ends the search. Where
     slopes beside a wrong first cause lead to causes that leave more than the slopes of the nominal
-    model do, these are kept.
+    model do, these are kept. Where causes that are found one by one leave many noises, a joint fit
+    of the usual ones follows.
 
     Args:
         replayer: replays hypotheses.
@@ -60,7 +62,7 @@ def search_roughly(
         own = result.problem.noise_model.tolerances / rough
         found = roughness(replayer.measured, own, result.best.residual, inflation)
         if found <= rough or result.stop is not None:
-            return result
+            return with_joint_fit(problem, result, settings)
         sensitivities, rough, known = result.sensitivities, found, result.singles
 
 

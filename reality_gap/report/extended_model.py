@@ -14,10 +14,10 @@ import mujoco
 
 from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location
-from reality_gap.diagnosis import Diagnosis
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.extended import Effect, Extended
 from reality_gap.report.verdict_json import location_json
+from reality_gap.simulation.hypothesis import Part
 from reality_gap.study.data import check_untrusted_model
 
 XML, JSON = "extended.xml", "extended.json"
@@ -70,11 +70,10 @@ def _load(folder: Path, xml: str, effects_of: str, advice: str) -> Extended:
     return Extended(mujoco.MjSpec.from_file(str(folder / xml)), effects)
 
 
-def extension_json(diagnosis: Diagnosis, xml: str = XML) -> dict[str, Any]:
+def extension_json(parts: Iterable[Part], xml: str = XML) -> dict[str, Any]:
     """Return the content of extended.json: the causes with effects that the XML file lacks."""
     effects = (
-        Effect(candidate.cause, candidate.location, dict(values))
-        for candidate, values in diagnosis.effects
+        Effect(candidate.cause, candidate.location, dict(values)) for candidate, values in parts
     )
     return effects_json(effects, xml)
 

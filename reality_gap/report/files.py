@@ -96,11 +96,11 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None
         _write_json(new / VERDICT, verdict_json(diagnosis))
         model, extended = study.model, new / extended_model.XML
         copied = model_assets.write_model(diagnosis.extended_xml, model, extended)
-        _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis))
+        _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis.effects))
         if diagnosis.calibration is not None:
             xml, name = diagnosis.calibration.xml, extended_model.CALIBRATED_XML
             model_assets.write_model(xml, model, new / name, copied)
-            effects = extended_model.extension_json(diagnosis, name)
+            effects = extended_model.extension_json(diagnosis.calibration.effects, name)
             _write_json(new / extended_model.CALIBRATED_JSON, effects)
         if diagnosis.posterior is not None:
             nominal = posterior_file.nominal_xml(diagnosis.posterior.system)

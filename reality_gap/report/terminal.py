@@ -48,8 +48,9 @@ def shown_progress(console: Console) -> Iterator[Callable[[float, str], None]]:
 def calibration_line(diagnosis: Diagnosis, calibration: Calibration) -> str:
     """Return one sentence on the calibrated model."""
     model = "the extended model" if diagnosis.causes else "the model"
+    base = "the model" if calibration.together else model
     return (
-        f"calibrated.xml is {model} with {len(calibration.corrections)} of its numbers adjusted to "
+        f"calibrated.xml is {base} with {len(calibration.corrections)} of its numbers adjusted to "
         f"this log: {number(calibration.rms)} noises on held-out data, where {model} leaves "
         f"{number(diagnosis.rms_after)}. None of these adjustments is a finding."
     )

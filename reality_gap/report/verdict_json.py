@@ -48,6 +48,8 @@ Keys of the file, which are part of the interface:
         rms               RMS of its residual on held-out data, in noise deviations
         corrections       the adjustments, the largest first; none of them is a finding: cause,
                           kind, elements, note, parameter, value, unit, tolerances
+        together          whether gains, friction, damping, masses and the like were fitted
+                          together in place of the named causes, which left too much
     noise_floor           RMS that the noise alone would leave
     gain                  (before - after) / (before - floor): value, low, high; null if uncertain
     likelihood_gain       increase of the log likelihood of readings to which the causes were not
@@ -161,7 +163,8 @@ def _calibration(calibration: Calibration | None) -> Json | None:
         }
         for one in calibration.corrections
     ]
-    return {"rms": calibration.rms, "corrections": corrections}
+    together = calibration.together
+    return {"rms": calibration.rms, "corrections": corrections, "together": together}
 
 
 def _gain(gain: Gain | None) -> Json | None:

@@ -71,7 +71,7 @@ def _amplification(
     effect = change[np.isin(readings.channel, list(channels.values()))]
     if not np.isfinite(effect).all():
         return np.inf
-    return float(np.sqrt(np.mean(effect**2) / max(np.mean(np.square(errors)), 1e-12)))
+    return float(np.sqrt(np.mean(effect**2) / max(float(np.mean(np.square(errors))), 1e-12)))
 
 
 def _displaced(state: ReadState, within: bool) -> ReadState:

@@ -35,7 +35,7 @@ def calibrated(diagnosed: Make, lever_study: Study) -> Make:
         found = diagnosed(verdict)
         xml = found.extended_xml.replace('mass="1"', 'mass="1.02"')
         assert xml != found.extended_xml
-        return replace(found, calibration=Calibration((heavier,), 1.1, xml))
+        return replace(found, calibration=Calibration((heavier,), 1.1, xml, found.effects))
 
     return make
 
@@ -83,6 +83,7 @@ def test_the_verdict_lists_the_adjustments(folder: Path) -> None:
                 "tolerances": 2.5,
             }
         ],
+        "together": False,
     }
     documented = set(re.findall(r"\w+", verdict_module.__doc__ or ""))
     assert {*found, *found["corrections"][0]} <= documented
@@ -97,6 +98,23 @@ def test_the_report_shows_it(calibrated: Make, lever_study: Study) -> None:
     row = ("Mass of a link, mass", "lever", "20.0 g", "2.5")
     assert "".join(f"<td>{cell}</td>" for cell in row) in text
     assert "load_calibrated(folder)" in text
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_the_report_and_the_terminal_explain_a_joint_fit(
+    calibrated: Make, lever_study: Study
+) -> None:
+    found = calibrated(Verdict.NAMED)
+    assert found.calibration
+    together = replace(found, calibration=replace(found.calibration, together=True))
+
+    text = " ".join(page(together, lever_study).split())
+
+    assert "<code>calibrated.xml</code> is your model with 1 of its numbers" in text
+    assert "which of them is to blame is not known" in text
+    assert together.calibration
+    line = calibration_line(together, together.calibration)
+    assert line.startswith("calibrated.xml is the model with 1 of its numbers")
 
 
 @pytest.mark.usefixtures("no_figures")

@@ -1,0 +1,123 @@
+"""Joint fit of what a person would free at a machine that is wrong by many noises."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap import CATALOGUE, Options, Study, diagnose, load_study
+from reality_gap.inference.calibration import calibrate
+from reality_gap.inference.joint_fit import USUAL, joint_fit
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.screening import Sensitivity, list_candidates, screen
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.splits import REPORT, split
+
+MODEL = """<mujoco><option timestep="{step}" integrator="implicitfast"/><worldbody>
+<body pos="0 0 1"><joint name="flex" axis="0 1 0" damping="{damping}" armature="{rotor}"
+frictionloss="{friction}"/><geom type="capsule" fromto="0 0 0 0.15 0 0" size="0.02" mass="0.3"/>
+</body></worldbody>
+<actuator><position name="servo" joint="flex" kp="{kp}" kv="{kv}"/></actuator>
+<sensor><jointpos name="angle" joint="flex"/></sensor></mujoco>"""
+STUDY = """name: servo
+model: model.xml
+episodes: [{commands: log.csv}]
+time: {column: time, unit: s}
+actuators: {servo: {column: command, unit: rad}}
+sensors: {angle: {column: angle, unit: rad, noise: 5e-4}}
+initial: {joints: first_reading, settle: 0}
+"""
+NOMINAL = {"damping": 0.6, "rotor": 0.03, "friction": 0.0, "kp": 400.0, "kv": 8.0}
+REAL = {"damping": 0.1, "rotor": 0.02, "friction": 0.25, "kp": 9.0, "kv": 0.4}
+
+
+def soft_servo(folder: Path) -> Study:
+    """A log of a servo that is softer than drawn, with friction that was not drawn."""
+    (folder / "model.xml").write_text(MODEL.format(step=0.002, **NOMINAL))
+    (folder / "STUDY.yaml").write_text(STUDY)
+    real = mujoco.MjModel.from_xml_string(MODEL.format(step=0.0005, **REAL))
+    data, rng, rows = mujoco.MjData(real), np.random.default_rng(0), []
+    for k, t in enumerate(np.arange(0.0, 8.0, 0.02)):
+        step = 0.4 * float(rng.uniform(-1.0, 1.0)) if k % 60 == 0 else rows[-1][1]
+        rows.append([t, step, data.qpos[0] + 5e-4 * rng.standard_normal()])
+        data.ctrl[0] = step + 0.2 * np.sin(3.0 * t)
+        rows[-1].append(data.ctrl[0])
+        mujoco.mj_step(real, data, 40)
+    table = np.array(rows)[:, [0, 3, 2]]
+    np.savetxt(folder / "log.csv", table, "%.9g", ",", header="time,command,angle", comments="")
+    return load_study(folder / "STUDY.yaml")
+
+
+@pytest.fixture
+def problem(tmp_path: Path) -> Iterator[Problem]:
+    with Replayer(soft_servo(tmp_path)) as replayer:
+        null = replayer.residual([])
+        noise_model = independent_noise(replayer.measured, np.zeros((len(null), 0)))
+        yield Problem(replayer, null, noise_model)
+
+
+def screened(problem: Problem) -> list[Sensitivity]:
+    candidates = list_candidates(problem.system, [CATALOGUE[id] for id in USUAL])
+    return list(screen(problem.replayer, candidates, problem.null_residual))
+
+
+def test_large_causes_are_fitted_together(problem: Problem) -> None:
+    chain = joint_fit(problem, screened(problem), [], 3.0)
+
+    best = {candidate.cause.id: values for candidate, values in chain[-1].hypothesis}
+    gain = NOMINAL["kp"] * (1.0 + best["position_gain"]["excess"])
+    friction = best["coulomb_friction"]["friction"]
+    assert friction / gain == pytest.approx(REAL["friction"] / REAL["kp"], rel=0.1)
+    assert "link_mass" not in best
+    left = float(np.sqrt(np.mean(chain[-1].residual ** 2)))
+    assert left < 0.05 * float(np.sqrt(np.mean(problem.null_residual**2)))
+
+
+def test_each_fit_has_one_cause_more_that_adds_enough(problem: Problem) -> None:
+    chain = joint_fit(problem, screened(problem), [], 3.0)
+
+    assert [len(fitted.hypothesis) for fitted in chain] == list(range(1, len(chain) + 1))
+    for fewer, more in itertools.pairwise(chain):
+        assert set(fewer.candidates) < set(more.candidates)
+    assert chain[-1].evidence - chain[-2].evidence > 3.0
+    assert joint_fit(problem, screened(problem), [], 1e9)[-1].candidates == chain[0].candidates
+
+
+def test_too_many_parameters_are_not_fitted_together(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reality_gap.inference.joint_fit.MOST", 3)
+    assert joint_fit(problem, screened(problem), [], 3.0) == []
+
+
+@pytest.mark.slow
+def test_a_soft_servo_is_predicted_nearly_to_the_noise(tmp_path: Path) -> None:
+    found = diagnose(soft_servo(tmp_path), options=Options(suggest=False))
+
+    assert found.verdict.has_names
+    assert {"position_gain", "coulomb_friction"} <= {c.candidate.cause.id for c in found.causes}
+    assert found.rms_before > 50.0
+    assert found.rms_after < 3.0
+
+
+def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem) -> None:
+    joint = joint_fit(problem, screened(problem), [], 3.0)[-1]
+
+    found = calibrate(problem, [], [], joint.hypothesis)
+
+    assert found is not None
+    assert found.together
+    left = joint.residual[split(problem.measured) == REPORT]
+    assert found.rms == pytest.approx(float(np.sqrt(np.mean(left**2))))
+    assert {one.candidate for one in found.corrections} <= set(joint.candidates)
+    model = mujoco.MjModel.from_xml_string(found.xml)
+    values = {c.cause.id: v for c, v in joint.hypothesis}
+    gain = NOMINAL["kp"] * (1.0 + values["position_gain"]["excess"])
+    assert model.actuator("servo").gainprm[0] == pytest.approx(gain, rel=1e-4)
+    assert calibrate(problem, joint.hypothesis, [], []) is None
