@@ -92,7 +92,7 @@ def test_small_and_large_friction_is_found(tmp_path: Path, friction: float) -> N
 
 def test_a_right_model_of_a_chaotic_motion_is_not_wrong(tmp_path: Path) -> None:
     study, _ = swung(tmp_path, 0.0)
-    found = diagnosed(study)
+    found = diagnosed(study, SEVERAL)
     assert found.verdict is Verdict.NOTHING_WRONG
     assert "begin again" in about_restarts(found)
     assert any("restart:" in note for note in check_study(study))
