@@ -19,6 +19,7 @@ from reality_gap.inference.theta import begin_and_duration, to_theta
 from reality_gap.inference.whitening import whitening
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.study.data import Study
+from reality_gap.study.measurements import BLOCK
 from reality_gap.study.splits import hidden_block
 
 STEPS = 20
@@ -66,21 +67,27 @@ def _trials(
     begin, duration = times
     candidate, values = hypothesis[i]
     start, end = values[begin.name], values[begin.name] + values[duration.name]
-    moved = _hidden(problem.system.study, end if at_end else start)
+    study, length = problem.system.study, problem.measured.block
+    moved = _hidden(study, end if at_end else start, length)
     found = list[Hypothesis]()
     for first, last in ((start, t) if at_end else (t, end) for t in moved):
-        length = min(max(last - first, duration.low), duration.high)
-        edges = {begin.name: min(max(first, begin.low), begin.high), duration.name: length}
+        lasts = min(max(last - first, duration.low), duration.high)
+        edges = {begin.name: min(max(first, begin.low), begin.high), duration.name: lasts}
         found.append([*hypothesis[:i], (candidate, {**values, **edges}), *hypothesis[i + 1 :]])
     return found
 
 
-def _hidden(study: Study, time: float) -> list[float]:
-    """Return times in the block of the report split at a time in the study, if there is one [s]."""
+def _hidden(study: Study, time: float, length: float = BLOCK) -> list[float]:
+    """Return times in the block of the report split at a time in the study, if there is one [s].
+
+    Blocks have this length [s].
+    """
     start = 0.0
     for e, episode in enumerate(study.episodes):
         if time < start + episode.duration:
-            near = (hidden_block(e, time - start + change) for change in (0.0, -BESIDE, BESIDE))
+            near = (
+                hidden_block(e, time - start + change, length) for change in (0.0, -BESIDE, BESIDE)
+            )
             block = next((one for one in near if one is not None), None)
             if block is None:
                 return []

@@ -5,25 +5,28 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
+import numpy as np
+
 from reality_gap.inference.forward_selection import Search, Settings, Step
-from reality_gap.inference.gauss_newton import null_fit, profile, rescore
+from reality_gap.inference.gauss_newton import fit, null_fit, profile, rescore
 from reality_gap.inference.joint_fit import USUAL, joint_fit
+from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 
 
 def with_joint_fit(plain: Problem, result: Search, settings: Settings) -> Search:
     """Return a search with a joint fit, whose causes replace its own if they are much likelier.
 
-    There is one where the nominal model is wrong by many noises, also if the causes leave few: a
-    wrong cause that has many parameters can imitate several.
+    There is one where causes leave many noises, also if these are within tolerances: those explain
+    much where wrong causes with many parameters imitate several. Its causes must be likelier with
+    tolerances and without them.
 
     Args:
         plain: the problem without inflation.
         result: a search for causes one by one.
         settings: thresholds.
     """
-    far = plain.inflated(plain.null_residual).noise_model.is_far
-    if not far or result.stop is not None or not result.steps:
+    if np.mean(result.best.residual**2) < FAR or result.stop is not None or not result.steps:
         return result
     singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
     start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
@@ -40,5 +43,7 @@ def with_joint_fit(plain: Problem, result: Search, settings: Settings) -> Search
         for base, fitted in itertools.pairwise([profile(bare, null_fit(plain)), *chain])
     ]
     problem = plain.inflated(chain[-1].residual)
-    best = rescore(problem, chain[-1])
+    best = fit(problem, chain[-1].hypothesis)
+    if best.evidence <= rescore(problem, result.best).evidence:
+        return result
     return replace(result, problem=problem, steps=tuple(steps), best=best, together=True)

@@ -13,9 +13,8 @@ from reality_gap.inference.screening import STEP, Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import ReadState, Study
-from reality_gap.study.measurements import Measured
-from reality_gap.study.restarts import with_states
-from reality_gap.types import Floats, Ints
+from reality_gap.study.restarts import part_of_readings, with_states
+from reality_gap.types import Floats
 
 DRIFT_TOLERANCE = 0.2
 """Relative tolerance of the error of the time step that was subtracted from residuals. A log that
@@ -181,7 +180,7 @@ def start_columns(replayer: Replayer, base: Hypothesis = ()) -> list[Floats]:
     if study.inverse:
         return []
     joints = dict.fromkeys(joint for states in study.states for joint in states)
-    parts, columns = _parts(study, measured), list[Floats]()
+    parts, columns = part_of_readings(study, measured), list[Floats]()
     for joint in joints:
         typical = joint_speed(replayer.system, Location("joint", (joint,)))
         for moved in (_displaced(study, joint, typical), _pushed(study, joint, typical)):
@@ -191,16 +190,6 @@ def start_columns(replayer: Replayer, base: Hypothesis = ()) -> list[Floats]:
                 if np.linalg.norm(own) > START_SEEN:
                     columns.append(own)
     return sorted(columns, key=lambda c: -float(np.linalg.norm(c)))[:MOST_STARTS]
-
-
-def _parts(study: Study, measured: Measured) -> Ints:
-    """Return the index of the states (see `Study.states`) before each reading, shape (n,)."""
-    found, first = np.zeros(len(measured.time), dtype=np.int64), 0
-    for e, episode in enumerate(study.episodes):
-        own, times = measured.episode == e, [restart.time for restart in episode.restarts]
-        found[own] = first + np.searchsorted(times, measured.time[own], side="right")
-        first += 1 + len(times)
-    return found
 
 
 def _displaced(study: Study, joint: str, typical: float) -> Study:

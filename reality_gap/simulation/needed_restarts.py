@@ -13,18 +13,22 @@ import numpy as np
 
 from reality_gap.study.data import ReadState, Study
 from reality_gap.study.measurements import Measured, channel_noise
-from reality_gap.study.restarts import position_channels, with_restarts, with_states
+from reality_gap.study.restarts import (
+    part_of_readings,
+    position_channels,
+    with_restarts,
+    with_states,
+)
 from reality_gap.types import Floats
 
 Predict = Callable[[Study], Floats]
 """Returns the nominal prediction of a study, shape (n,)."""
-EVERY = (0.25, 0.5, 0.75, 1.25, 2.25, 4.25)
-"""Times between two restarts that are tried [s]. Most are odd numbers of the blocks of
-`reality_gap.study.splits`, so that each split has readings soon and late after a restart."""
-MUCH, LITTLE = 10.0, 2.0
+EVERY = (0.1, 0.25, 0.5, 0.75, 1.25, 2.25, 4.25)
+"""Times between two restarts that are tried [s]."""
+MUCH, LITTLE = 10.0, 3.0
 """Amplification of errors of positions over a log from which on replays begin again, and between
 two restarts. It is about 1 where controllers, dry friction or damping hold a motion, and thousands
-where a pendulum turns over. Where it is 3, causes are hardly linear: a friction of 0.1 N m in a
+where a pendulum turns over. Where it is 4, causes are hardly linear: a friction of 0.1 N m in a
 pendulum of 0.7 kg was not found, and left 430 noises for errors of the states to explain."""
 
 
@@ -59,19 +63,26 @@ def _amplification(
 ) -> float:
     """Return the RMS of the effect of errors of positions on positions, over that of the errors.
 
-    It is infinite where a replay diverges.
+    It is that of the part between two restarts in which it is largest, and infinite where a replay
+    diverges.
     """
     noise = channel_noise(study)
     errors = [
-        state.position_error / noise[channels[joint]]
+        [state.position_error / noise[channels[joint]] for joint, state in states.items()]
         for states in study.states
-        for joint, state in states.items()
     ]
     change = (predict(with_states(study, _displaced)) - predict(study)) / readings.noise
-    effect = change[np.isin(readings.channel, list(channels.values()))]
-    if not np.isfinite(effect).all():
-        return np.inf
-    return float(np.sqrt(np.mean(effect**2) / max(float(np.mean(np.square(errors))), 1e-12)))
+    parts, position = (
+        part_of_readings(study, readings),
+        np.isin(readings.channel, [*channels.values()]),
+    )
+    found = [
+        np.mean(change[position & (parts == part)] ** 2) / max(np.mean(np.square(own)), 1e-12)
+        for part, own in enumerate(errors)
+        if own and np.any(position & (parts == part))
+    ]
+    largest = float(np.sqrt(max(found, default=0.0)))
+    return largest if np.isfinite(largest) else np.inf
 
 
 def _displaced(state: ReadState, within: bool) -> ReadState:

@@ -31,6 +31,9 @@ PAUSE, BRIEF = 5.0, 0.01
 an episode up to which a run is no pause."""
 FEW = 4
 """Number of different values below which no step is recognised."""
+BLOCK, IN_PART = 0.25, 2.9
+"""Length of a block of readings of one role [s], and how many there are between two restarts at
+least; see `reality_gap.study.splits`."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Measured:
         channel, episode: indices into the study's channels and episodes, shape (n,).
         time: time from the first command of the episode, shape (n,) [s].
         quaternions: indices of four readings that form one quaternion, shape (q, 4).
+        block: length of a block of one role; see `reality_gap.study.splits` [s].
     """
 
     value: Floats
@@ -51,6 +55,7 @@ class Measured:
     episode: Ints
     time: Floats
     quaternions: Ints
+    block: float = BLOCK
 
     def align(self, prediction: Floats) -> Floats:
         """Flip predicted quaternions that have the opposite sign of the measured ones, in place.
@@ -104,6 +109,7 @@ def measured(study: Study) -> Measured:
         np.concatenate(episodes),
         np.concatenate(times),
         np.concatenate(quaternions) if quaternions else np.zeros((0, 4), dtype=np.int64),
+        min(BLOCK, study.restart / IN_PART) if study.restart else BLOCK,
     )
 
 

@@ -18,8 +18,8 @@ from scipy.stats import chi2
 
 from reality_gap.study.data import Episode, ReadState, Restart, Study
 from reality_gap.study.first_readings import SHARE, rate_and_speed
-from reality_gap.study.measurements import channel_noise
-from reality_gap.types import Floats
+from reality_gap.study.measurements import Measured, channel_noise
+from reality_gap.types import Floats, Ints
 
 DEGREE = 5
 """Degree of the polynomial through the readings around a restart."""
@@ -105,6 +105,16 @@ def with_states(
         for episode in study.episodes
     )
     return replace(study, episodes=episodes)
+
+
+def part_of_readings(study: Study, measured: Measured) -> Ints:
+    """Return the index of the states (see `Study.states`) before each reading, shape (n,)."""
+    found, first = np.zeros(len(measured.time), dtype=np.int64), 0
+    for e, episode in enumerate(study.episodes):
+        own, times = measured.episode == e, [restart.time for restart in episode.restarts]
+        found[own] = first + np.searchsorted(times, measured.time[own], side="right")
+        first += 1 + len(times)
+    return found
 
 
 def state_within(time: Floats, value: Floats, noise: float) -> ReadState:

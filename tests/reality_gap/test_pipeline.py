@@ -28,7 +28,8 @@ from reality_gap.pipeline import diagnose
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.study.splits import BLOCK, REPORT, TURN
+from reality_gap.study.measurements import BLOCK
+from reality_gap.study.splits import REPORT, TURN
 from reality_gap.types import Floats
 
 

@@ -40,7 +40,7 @@ def test_a_pendulum_that_turns_over_is_replayed_in_parts(tmp_path: Path) -> None
         assert abs(state.position - position) < 3.0 * state.position_error
         assert abs(state.speed - speed) < 3.0 * state.speed_error
         assert state.position_error < 2.0 * NOISE
-        assert state.speed_error < 0.2
+        assert state.speed_error < 0.4
 
 
 def test_a_damped_pendulum_is_replayed_whole(tmp_path: Path) -> None:
