@@ -11,6 +11,7 @@ import pytest
 from reality_gap import CATALOGUE, Diagnosis, Options, Study, Verdict, check_study, diagnose
 from reality_gap.report.words import about_restarts
 from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.measurements import measured
 from tests.reality_gap.simulation.swing import NOISE, swung
 
 SEVERAL = ("coulomb_friction", "viscous_friction", "dead_zone", "force_scale", "link_mass")
@@ -61,8 +62,9 @@ def test_restarts_are_those_that_the_study_states(tmp_path: Path) -> None:
     assert check_study(study) == ()
 
     (tmp_path / "whole").mkdir()
-    study, _ = swung(tmp_path / "whole", 0.0, restart=", restart: 0")
-    assert not settled(study).restart
+    whole, _ = swung(tmp_path / "whole", 0.0, restart=", restart: 0")
+    assert not settled(whole).restart
+    assert (measured(study).block, measured(whole).block) == (pytest.approx(0.5 / 2.9), 0.25)
 
 
 def test_replays_begin_in_the_states_of_restarts_and_predict_what_follows(tmp_path: Path) -> None:
