@@ -33,7 +33,7 @@ pendulum of 0.7 kg was not found, and left 430 noises for errors of the states t
 
 
 def with_needed_restarts(study: Study, readings: Measured, predict: Predict) -> Study:
-    """Return the study with as few restarts as it needs, unless it states how many.
+    """Return the study with as few restarts as it needs, unless it has some or states how many.
 
     Args:
         study: as it was loaded.
@@ -41,7 +41,7 @@ def with_needed_restarts(study: Study, readings: Measured, predict: Predict) -> 
         predict: replays the nominal model.
     """
     initial = study.initial
-    if initial.restart is not None or initial.settle:
+    if initial.restart is not None or initial.settle or study.restart:
         return study
     if not any(episode.states for episode in study.episodes):
         return study

@@ -191,7 +191,8 @@ class Replayer:
                 self.measured = measured(study)
             study = with_needed_restarts(study, self.measured, predict)
             self.system = replace(self.system, study=study)
-            self.measured = measured(study)
+            if study.restart:
+                self.measured = measured(study)
             if np.any(rounding_steps(study) > 0.0):
                 self.measured = with_shared_rounding(study, self.measured, predict(study))
         finally:

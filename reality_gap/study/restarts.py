@@ -32,6 +32,9 @@ INEXACT = 2.0
 FITS = 0.5
 """Probability up to which the squares that a polynomial leaves are those of the noise. A worse one
 may be by chance, too, but fewer readings are then little loss."""
+NEAR = 3.0
+"""Time from a restart to the nearest reading, over the usual time between two, up to which a joint
+begins again; in a gap of its readings it goes on as it was."""
 LESS = 0.7
 """Share of the readings that are used next where a polynomial does not fit them."""
 
@@ -73,7 +76,14 @@ def with_restarts(study: Study, model: mujoco.MjModel, every: float) -> Study:
             if len(episode.readings[c].time) >= FEWEST and noise[c] > 0.0
         }
         restarts = [
-            Restart(time, {j: state_within(t - time, v, n) for j, (t, v, n) in readings.items()})
+            Restart(
+                time,
+                {
+                    joint: state_within(t - time, values, error)
+                    for joint, (t, values, error) in readings.items()
+                    if np.abs(t - time).min() <= NEAR * np.median(np.diff(t))
+                },
+            )
             for time in times
         ]
         return replace(episode, restarts=tuple(restarts) if readings else ())

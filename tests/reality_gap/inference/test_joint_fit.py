@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,8 +13,10 @@ import pytest
 
 from reality_gap import CATALOGUE, Options, Study, diagnose, load_study
 from reality_gap.inference.calibration import calibrate
+from reality_gap.inference.forward_selection import Settings, search
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.joint_fit import USUAL, joint_fit
+from reality_gap.inference.joint_search import with_joint_fit
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
@@ -105,6 +108,19 @@ def test_a_soft_servo_is_predicted_nearly_to_the_noise(tmp_path: Path) -> None:
     assert {"position_gain", "coulomb_friction"} <= {c.candidate.cause.id for c in found.causes}
     assert found.rms_before > 50.0
     assert found.rms_after < 3.0
+
+
+def test_it_replaces_causes_that_leave_much(problem: Problem) -> None:
+    first = search(problem, screened(problem), Settings(most=1))
+    assert len(first.best.hypothesis) == 1
+
+    found = with_joint_fit(problem, first, Settings())
+
+    assert found.together
+    assert len(found.steps) == len(found.best.hypothesis) == len(found.joint) > 1
+    assert np.mean(found.best.residual**2) < 0.2 * np.mean(first.best.residual**2)
+    little = replace(first, best=found.best)
+    assert with_joint_fit(problem, little, Settings()) is little
 
 
 def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem, chain: list[Fit]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from reality_gap import CATALOGUE, Diagnosis, Options, Study, Verdict, check_stu
 from reality_gap.report.words import about_restarts
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import measured
+from reality_gap.study.restarts import with_restarts
 from tests.reality_gap.simulation.swing import NOISE, swung
 
 SEVERAL = ("coulomb_friction", "viscous_friction", "dead_zone", "force_scale", "link_mass")
@@ -65,6 +67,23 @@ def test_restarts_are_those_that_the_study_states(tmp_path: Path) -> None:
     whole, _ = swung(tmp_path / "whole", 0.0, restart=", restart: 0")
     assert not settled(whole).restart
     assert (measured(study).block, measured(whole).block) == (pytest.approx(0.5 / 2.9), 0.25)
+
+
+def test_in_a_gap_of_its_readings_a_joint_goes_on(tmp_path: Path) -> None:
+    study, _ = swung(tmp_path, 0.0)
+    [episode] = study.episodes
+    [reading] = episode.readings
+    kept = (reading.time < 0.9) | (reading.time > 1.7)
+    less = replace(reading, time=reading.time[kept], value=reading.value[kept])
+    study = replace(study, episodes=(replace(episode, readings=(less,)),))
+
+    [found] = with_restarts(study, study.spec().compile(), 0.5).episodes
+
+    begun = {round(time, 1): bool(states) for time, states in found.restarts}
+    assert not begun[1.0]
+    assert not begun[1.5]
+    assert begun[0.5]
+    assert begun[2.0]
 
 
 def test_replays_begin_in_the_states_of_restarts_and_predict_what_follows(tmp_path: Path) -> None:
