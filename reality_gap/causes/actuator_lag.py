@@ -41,9 +41,23 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    hints = SearchHints(secants=elements.secants(system, location, SECANTS))
     least = float(system.model.opt.timestep)  # which does not resolve a faster filter
-    return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5, hints=hints, least=least),)
+    low = min(0.0, least - _modelled(system, location))
+    sizes = SECANTS if low == 0.0 else (*SECANTS, low / 2)
+    hints = SearchHints(secants=elements.secants(system, location, sizes), absence=low < 0.0)
+    return (Parameter("time_constant", "s", 0.004, 0.0001, low, 0.5, hints=hints, least=least),)
+
+
+def _modelled(system: System, location: Location) -> float:
+    """Return the least time constant of the filters that the model has at a location [s]."""
+    if location.note != COMMAND:
+        return 0.0
+    model = system.model
+    dynamics = [
+        (model.actuator(name).dyntype[0], model.actuator(name).dynprm[0])
+        for name in location.elements
+    ]
+    return min(float(tau) if int(kind) in map(int, _FILTERS) else 0.0 for kind, tau in dynamics)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -66,7 +80,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 CAUSE = Cause(
     id="actuator_lag",
     title="lag of an actuator",
-    explanation="An actuator follows its command with a first-order lag.",
+    explanation="An actuator follows its command with a first-order lag, or with a shorter one "
+    "than that of the model.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

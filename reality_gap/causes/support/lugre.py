@@ -194,7 +194,7 @@ def _add_creeping(
         rate: slope of this force with the velocity, over the moving mass or inertia [1/s].
         step: time step; MuJoCo needs a time constant of two of them [s].
     """
-    low, high = (float(d) for d in element.solimp_friction[:2])
+    low, high = _in_range(*element.solimp_friction[:2])
     time, damping = (float(x) for x in element.solref_friction)
     if element.frictionloss > 0.0:
         rate += low / (1.0 - low) * (2.0 / time if time > 0.0 else -damping) / high
@@ -202,9 +202,16 @@ def _add_creeping(
     time = 2.0 * low / (high * (1.0 - low) * rate)
     if time < 2.0 * step:
         time = 2.0 * step
-        low = high = 1.0 - 2.0 / (rate * time)
+        one = 1.0 - 2.0 / (rate * time)
+        low, high = _in_range(one, one)
     element.solref_friction = (time, 1.0)
     element.solimp_friction = (low, high, *element.solimp_friction[2:])
+
+
+def _in_range(low: float, high: float) -> tuple[float, float]:
+    """Return impedances as MuJoCo uses them: neither 0 nor 1, whatever a model says."""
+    found = np.clip([low, high], mujoco.mjMINIMP, mujoco.mjMAXIMP)
+    return float(found[0]), float(found[1])
 
 
 def friction_actuators(system: System, cause: str, location: Location) -> dict[str, str]:

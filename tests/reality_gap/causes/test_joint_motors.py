@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from reality_gap.causes.actuator_lag import COMMAND
 from reality_gap.causes.base import Location
 from reality_gap.causes.joint_stiffness import NOMINAL
 from reality_gap.causes.support.encoders import READING
@@ -105,6 +106,36 @@ def test_a_cause_is_the_model_edited_by_hand(
 
     assert np.abs(found - predict(system)).max() > 1.0
     np.testing.assert_allclose(found, predict(edited(system, edit)), atol=1e-3)
+
+
+def filtered(*seconds: float) -> Edit:
+    """Commands pass a filter with these time constants."""
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name, tau in zip(BOTH, seconds, strict=True):
+            actuator = spec.actuator(name)
+            actuator.dyntype, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTER, True
+            actuator.dynprm[0] = tau
+
+    return edit
+
+
+def test_a_filter_may_be_modelled_too_slow(systems: dict[str, System]) -> None:
+    model = edited(systems["arm"], filtered(0.1, 0.05))
+    on = Location(MOTORS.kind, MOTORS.elements, COMMAND)
+    [lag] = candidate(model, "actuator_lag", on).parameters
+
+    found = with_cause(model, "actuator_lag", on, time_constant=-0.03)
+
+    assert np.abs(found - predict(model)).max() > 1.0
+    expected = predict(edited(systems["arm"], filtered(0.07, 0.02)))
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    # A filter that is faster than the time step would diverge.
+    assert lag.low == pytest.approx(model.model.opt.timestep - 0.05)
+    assert np.isfinite(with_cause(model, "actuator_lag", on, time_constant=lag.low)).all()
+    assert distance_to_bound((candidate(model, "actuator_lag", on), {lag.name: lag.low})) > NEAR
+    [plain] = candidate(systems["arm"], "actuator_lag", on).parameters
+    assert plain.low == 0.0
 
 
 @pytest.mark.parametrize(("names", "factor"), [(("elbow",), 1.1), (BOTH, 0.8)])

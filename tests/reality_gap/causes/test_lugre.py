@@ -252,6 +252,21 @@ def test_friction_that_creeps_is_limited(tmp_path: Path) -> None:
     assert speed == pytest.approx(1.5 * LEVEL / DAMPING, rel=0.01)
 
 
+@pytest.mark.parametrize("impedance", [0.0, 1.0])
+def test_impedances_that_mujoco_clips_are_clipped(tmp_path: Path, impedance: float) -> None:
+    system = cart_system(tmp_path)
+    found = []
+    for own in (impedance, np.clip(impedance, 1e-4, 0.9999)):
+        spec = system.study.spec()
+        rail = spec.joint("rail")
+        rail.frictionloss = 0.5 * LEVEL
+        rail.solimp_friction = (own, own, *rail.solimp_friction[2:])
+        lugre.add_friction(spec, system, "rub", ON_RAIL, LEVEL, {"creep": 0.02})
+        found.append(pull(spec.compile(), np.full(500, 0.5 * LEVEL))[-1])
+
+    assert found[0] == found[1]
+
+
 def test_friction_loss_that_a_model_has_goes_on_creeping(tmp_path: Path) -> None:
     """What is added creeps beside the model's own friction: the slopes of both add up."""
     system, own, added, creep = cart_system(tmp_path), 0.5 * LEVEL, 0.7 * LEVEL, 0.02

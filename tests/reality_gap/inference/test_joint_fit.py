@@ -13,13 +13,15 @@ import pytest
 
 from reality_gap import CATALOGUE, Options, Study, diagnose, load_study
 from reality_gap.inference.calibration import calibrate
+from reality_gap.inference.descent import descend
 from reality_gap.inference.forward_selection import Settings, search
-from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.gauss_newton import Fit, fit
 from reality_gap.inference.joint_fit import USUAL, joint_fit
 from reality_gap.inference.joint_search import with_joint_fit
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
+from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.splits import REPORT, split
 
@@ -39,15 +41,22 @@ initial: {joints: first_reading, settle: 0}
 """
 NOMINAL = {"damping": 0.6, "rotor": 0.03, "friction": 0.0, "kp": 400.0, "kv": 8.0}
 REAL = {"damping": 0.1, "rotor": 0.02, "friction": 0.25, "kp": 9.0, "kv": 0.4}
+STRONG = {"damping": 0.1, "rotor": 0.005, "friction": 0.1, "kp": 25.0, "kv": 1.0}
+WEAK = {"damping": 0.05, "rotor": 0.004, "friction": 0.03, "kp": 0.5, "kv": 0.05}
 
 
-def soft_servo(folder: Path) -> Study:
-    """A log of a servo that is softer than drawn, with friction that was not drawn."""
-    (folder / "model.xml").write_text(MODEL.format(step=0.002, **NOMINAL))
+def soft_servo(
+    folder: Path,
+    nominal: dict[str, float] = NOMINAL,
+    machine: dict[str, float] = REAL,
+    seconds: float = 8.0,
+) -> Study:
+    """A log of a servo that is softer than drawn; by default, its friction was not drawn."""
+    (folder / "model.xml").write_text(MODEL.format(step=0.002, **nominal))
     (folder / "STUDY.yaml").write_text(STUDY)
-    real = mujoco.MjModel.from_xml_string(MODEL.format(step=0.0005, **REAL))
+    real = mujoco.MjModel.from_xml_string(MODEL.format(step=0.0005, **machine))
     data, rng, rows = mujoco.MjData(real), np.random.default_rng(0), []
-    for k, t in enumerate(np.arange(0.0, 8.0, 0.02)):
+    for k, t in enumerate(np.arange(0.0, seconds, 0.02)):
         step = 0.4 * float(rng.uniform(-1.0, 1.0)) if k % 60 == 0 else rows[-1][1]
         rows.append([t, step, data.qpos[0] + 5e-4 * rng.standard_normal()])
         data.ctrl[0] = step + 0.2 * np.sin(3.0 * t)
@@ -58,12 +67,21 @@ def soft_servo(folder: Path) -> Study:
     return load_study(folder / "STUDY.yaml")
 
 
+def problem_of(replayer: Replayer) -> Problem:
+    null = replayer.residual([])
+    return Problem(replayer, null, independent_noise(replayer.measured, np.zeros((len(null), 0))))
+
+
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Problem]:
     with Replayer(soft_servo(tmp_path_factory.mktemp("servo"))) as replayer:
-        null = replayer.residual([])
-        noise_model = independent_noise(replayer.measured, np.zeros((len(null), 0)))
-        yield Problem(replayer, null, noise_model)
+        yield problem_of(replayer)
+
+
+@pytest.fixture(scope="module")
+def weak(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Problem]:
+    with Replayer(soft_servo(tmp_path_factory.mktemp("weak"), STRONG, WEAK, 4.0)) as replayer:
+        yield problem_of(replayer)
 
 
 def screened(problem: Problem) -> list[Sensitivity]:
@@ -91,6 +109,35 @@ def test_each_fit_has_one_cause_more_that_adds_enough(chain: list[Fit]) -> None:
     for fewer, more in itertools.pairwise(chain):
         assert set(fewer.candidates) < set(more.candidates)
     assert chain[-1].evidence - chain[-2].evidence > 3.0
+
+
+def test_a_servo_that_is_fifty_times_weaker_is_predicted_to_the_noise(weak: Problem) -> None:
+    best = joint_fit(weak, screened(weak), [], 3.0)[-1]
+
+    # What every good model may have is no cause.
+    assert not any(is_tolerable(*part) for part in best.hypothesis)
+    assert best.evidence == best.raw_evidence > 0.0
+    found = {candidate.cause.id: values for candidate, values in best.hypothesis}
+    assert float(np.sqrt(np.mean(best.residual**2))) < 1.5
+    assert 1.0 + found["position_gain"]["excess"] == pytest.approx(0.02, rel=0.05)
+    assert found["coulomb_friction"]["friction"] == pytest.approx(-0.07, rel=0.05)
+    assert "force_offset" not in found
+
+
+def test_a_descent_finds_a_factor_that_a_usual_fit_does_not(weak: Problem) -> None:
+    each = {one.candidate.cause.id: one.candidate for one in screened(weak)}
+    sizes = [each[id] for id in ("coulomb_friction", "viscous_friction", "armature")]
+    start = [(one, dict(one.null_values())) for one in sizes]
+    start += [(each[id], {"excess": -0.9}) for id in ("position_gain", "velocity_gain")]
+    own = weak.widened(weak.replayer.residual(start))
+
+    found = descend(own, start, 8)
+
+    left, plain = weak.replayer.residual(found), fit(own, start).residual
+    assert np.mean(left**2) < 0.1 * np.mean(plain**2)
+    values = {one.cause.id: v for one, v in found}
+    assert 1.0 + values["position_gain"]["excess"] == pytest.approx(0.02, rel=0.05)
+    assert values["coulomb_friction"]["presliding"] == start[0][1]["presliding"]
 
 
 def test_too_many_parameters_are_not_fitted_together(
