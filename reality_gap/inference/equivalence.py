@@ -9,14 +9,26 @@ import numpy as np
 
 from reality_gap.inference.confidence import probabilities
 from reality_gap.inference.forward_selection import Search, Settings
-from reality_gap.inference.gauss_newton import Fit, evidence_without, fit, null_fit, rescore
+from reality_gap.inference.gauss_newton import (
+    Fit,
+    evidence_without,
+    fit,
+    fit_stepwise,
+    null_fit,
+    rescore,
+    run_together,
+)
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.refinement import fit_next
-from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.types import Floats
 
 CHANCE = 0.05
 """Probability from which on an alternative may be equivalent."""
+CLOSE = 50.0
+"""Evidence up to which an alternative that lacks it is fitted again [nats]."""
+POLISHED = 4
+"""Largest number of such alternatives to a cause."""
 NEAR = 1.0
 """Mean square of the difference of two residuals below which they are equivalent [noise^2]."""
 
@@ -97,6 +109,7 @@ def alternatives(
         else:
             without, tried = null_fit(problem), ()
         fits = _with_best(problem, tried, best, [candidate, *refused])
+        fits = _polished(problem, best, rest, fits)
         floor = _floor(problem, rescore(problem, without).evidence, fits)
         chances, alike = probabilities(floor, fits), _alike(best, fits)
         found.append(
@@ -153,6 +166,25 @@ def _with_best(
         if not any(last.matches(other) for other in (*excluded, *known)):
             others.append(one)
     return tuple(sorted([rescore(problem, best), *others], key=lambda f: -f.evidence))
+
+
+def _polished(
+    problem: Problem, best: Fit, rest: Hypothesis, fits: Sequence[Fit]
+) -> tuple[Fit, ...]:
+    """Return fits, best first; those which are nearly as likely as the best one are fitted again.
+
+    They begin with the other causes as these are in the best hypothesis. What the other causes are
+    alone may be far from it: without damping, a delay is another one.
+    """
+    most = max(one.evidence for one in fits)
+    behind = [i for i, one in enumerate(fits) if 1.0 < most - one.evidence < CLOSE]
+    chosen = [i for i in behind if fits[i].hypothesis is not best.hypothesis][:POLISHED]
+    starts = [[*rest, fits[i].hypothesis[-1]] for i in chosen]
+    found = list(fits)
+    again = run_together(problem.replayer, [fit_stepwise(problem, one) for one in starts])
+    for i, one in zip(chosen, again, strict=True):
+        found[i] = max(found[i], one, key=lambda each: each.evidence)
+    return tuple(sorted(found, key=lambda one: -one.evidence))
 
 
 def _alike(best: Fit, fits: Sequence[Fit]) -> tuple[bool, ...]:

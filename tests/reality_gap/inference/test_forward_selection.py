@@ -299,6 +299,30 @@ def test_a_candidate_with_nearly_the_same_effect_is_equivalent(
     assert sorted(s.cause.id for s in named.equivalent) == sorted(others if expected else [])
 
 
+def test_an_alternative_is_fitted_beside_the_other_causes_as_they_are(tmp_path: Path) -> None:
+    """Alone, the other cause may be far from what it is, and a fit beside it may not converge."""
+    truth, other, twin = (
+        candidate("truth", SHAPES[:, 0]),
+        candidate("other", SHAPES[:, 1]),
+        candidate("twin", 0.99 * SHAPES[:, 0]),
+    )
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0] + 2.0 * SHAPES[:, 1], [truth, other])
+    found = case.search()
+    assert ids(found.best) == ["other", "truth"]
+    alone = case.fit(other)
+    wrong = [(other, {"size": 1.7}), (twin, {"size": 0.9})]
+    residual = case.replayer.residual(wrong)
+    unfinished = replace(case.fit(other, twin), hypothesis=wrong, residual=residual)
+    unfinished = rescore(found.problem, unfinished)
+    assert 20.0 < found.best.evidence - unfinished.evidence < 50.0
+    step = replace(found.steps[1], base=alone, tried=(unfinished,))
+    found = replace(found, steps=(found.steps[0], step))
+
+    named = {one.candidate.cause.id: one for one in alternatives(found, Settings())}["truth"]
+
+    assert [one.cause.id for one in named.equivalent] == ["twin"]
+
+
 def test_the_own_evidence_of_a_cause_is_what_the_others_cannot_explain(tmp_path: Path) -> None:
     chosen = [candidate("weak", SHAPES[:, 0]), candidate("strong", SHAPES[:, 1])]
     case = Case(tmp_path, 0.5 * SHAPES[:, 0] + 2.0 * SHAPES[:, 1], chosen)
