@@ -19,6 +19,9 @@ from reality_gap.inference.tolerances import Tolerance
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
+MUCH = 2.0
+"""Variance left beside tolerances from which on the first cause may be wrong [noise^2]."""
+
 
 def search_roughly(
     replayer: Replayer,
@@ -34,9 +37,9 @@ def search_roughly(
     """Search for causes, again with larger tolerances as long as these are likelier.
 
     What a stop leaves beside a cause that it refutes is no deviation, and ends the search. Where
-    slopes beside a wrong first cause lead to causes that leave more than the slopes of the nominal
-    model do, these are kept. Where causes that are found one by one leave many noises, a joint fit
-    of the usual ones follows.
+    slopes beside a wrong first cause lead to causes that leave much, and more than those found with
+    the slopes of the nominal model, the latter are kept. Where causes that are found one by one
+    leave many noises, a joint fit of the usual ones follows.
 
     Args:
         replayer: replays hypotheses.
@@ -55,7 +58,7 @@ def search_roughly(
         problem = Problem(replayer, null_residual, noise_model, rough, tolerances, handicaps)
         run = partial(search, problem, sensitivities, settings, deferred)
         result = run(known)
-        if result.relinearised:
+        if result.relinearised and result.problem.noise_model.variance.max() > MUCH:
             fixed = run(result.singles, relinearise=False)
             result = min(result, fixed, key=lambda one: _left(one.best))
         inflation = result.problem.noise_model.inflation
