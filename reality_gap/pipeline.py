@@ -218,10 +218,10 @@ class _Run:
             outcome = replace(outcome, calibration=calibration)
         if not options.suggest:
             return outcome
-        problem = paying.result.problem
-        return replace(
-            outcome, flat=flat_directions(problem, screened.sensitivities, options.visible)
-        )
+        named = [one for one, _ in outcome.hypothesis]
+        problem, screens = paying.result.problem, screened.sensitivities
+        flat = flat_directions(problem, screens, options.visible, named)
+        return replace(outcome, flat=flat)
 
     def _screen(self, work: Path | None) -> _Screened:
         """Screen all candidates that are not deferred."""

@@ -30,7 +30,7 @@ from reality_gap.inference.typical_effects import (
     whitened,
 )
 from reality_gap.log_findings import FlatDirection, Remedy
-from reality_gap.simulation.hypothesis import Hypothesis, Part
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 from reality_gap.types import Bools, Floats
 
 SECONDS, TRIED = 30.0, 6.0
@@ -47,7 +47,10 @@ PAYLOAD = "payload"
 
 
 def flat_directions(
-    problem: Problem, sensitivities: Sequence[Sensitivity], visible: float
+    problem: Problem,
+    sensitivities: Sequence[Sensitivity],
+    visible: float,
+    named: Sequence[Candidate] = (),
 ) -> tuple[FlatDirection, ...]:
     """Return what a log cannot show, by cause and location.
 
@@ -55,6 +58,8 @@ def flat_directions(
         problem: the study and its noise model.
         sensitivities: of all candidates.
         visible: change of the readings by a typical fault from which on a cause shows [noise].
+        named: causes that were found, which show themselves: a typical fault of the nominal model
+            may be smaller.
     """
     own = largest_of_each(sensitivities)
     if not own:
@@ -63,6 +68,8 @@ def flat_directions(
     hidden = [i for i in range(len(own)) if known.size(i) <= visible]
     by_cause: dict[str, list[int]] = {}
     for i in hidden:
+        if any(own[i].candidate.matches(one) for one in named):
+            continue
         by_cause.setdefault(own[i].candidate.cause.id, []).append(i)
     together = _inseparable(known, set(hidden), visible)
     groups = [*by_cause.values(), *together]

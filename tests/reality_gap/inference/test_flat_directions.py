@@ -42,14 +42,15 @@ def at_rest(study: Study, held: int, angle: float) -> Study:
     )
 
 
-def flat_of(study: Study, *causes: str) -> tuple[FlatDirection, ...]:
+def flat_of(study: Study, *causes: str, named: str = "") -> tuple[FlatDirection, ...]:
     with Replayer(study) as replayer:
         null = replayer.residual([])
         problem = Problem(
             replayer, null, independent_noise(replayer.measured, np.zeros((len(null), 0)))
         )
         found = list_candidates(replayer.system, [find_cause(cause) for cause in causes])
-        return flat_directions(problem, screen(replayer, found, null), VISIBLE)
+        own = [one for one in found if str(one.location) == named]
+        return flat_directions(problem, screen(replayer, found, null), VISIBLE, own)
 
 
 def test_a_friction_does_not_show_at_rest_but_in_a_motion(lever_study: Study) -> None:
@@ -60,6 +61,16 @@ def test_a_friction_does_not_show_at_rest_but_in_a_motion(lever_study: Study) ->
     assert found.remedy is not None
     assert found.remedy.change > SURE * VISIBLE
     assert found.remedy.seconds == 30.0
+
+
+def test_what_was_found_does_show(lever_study: Study) -> None:
+    """A typical fault of a wrong model may not show where a large one does."""
+    resting = at_rest(lever_study, 0, 0.0)
+    assert "elbow" in {
+        str(one.location) for f in flat_of(resting, "armature") for one in f.candidates
+    }
+    found = flat_of(resting, "armature", named="elbow")
+    assert "elbow" not in {str(one.location) for f in found for one in f.candidates}
 
 
 def test_a_friction_that_depends_on_the_load_shows_best_with_a_mass(lever_study: Study) -> None:
