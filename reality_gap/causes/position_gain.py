@@ -30,7 +30,7 @@ def _has_own_gain(model: mujoco.MjModel, actuator: int) -> bool:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     hints = SearchHints(secants=elements.secants(system, location, SECANTS), absence=True)
-    return (Parameter("excess", "1", 0.1, 0.006, -0.9995, 99.0, hints=hints),)
+    return (Parameter("excess", "1", 0.1, 0.006, -0.9995, 999.0, hints=hints),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -19,7 +19,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.1, 0.012, -1.0, 99.0, hints=REDUCIBLE),)
+    return (Parameter("excess", "1", 0.1, 0.012, -1.0, 999.0, hints=REDUCIBLE),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -38,9 +38,9 @@ SETTLINGS = 3
 """How often a fit is repeated with the variance of what it leaves."""
 SETTLED = 0.9
 """Share of the power that a repeated fit must leave to be the last one."""
-GAINS = (-0.7, -0.9, -0.97, -0.99)
-"""Relative excess of all gains with which a fit begins, too: gains are drawn wrong by a factor more
-often than any other property, and from the drawn ones a fit may end far from what is likeliest."""
+GAINS = (50.0, 9.0, -0.7, -0.9, -0.97, -0.99)
+"""Relative excess of all gains with which a fit begins, too: gains are wrong by a factor more often
+than any other property, and from those of the model a fit may end far from what is likeliest."""
 LITTLE = 2.0
 """Growth of the power that is left up to which a deviation that every good model may have explains
 little."""
