@@ -19,6 +19,8 @@ READABLE = {
     "1": (1.0, ""),
 }
 """Factor and unit in which a quantity is shown, by SI unit; other units are shown as they are."""
+MOST_DIGITS = 6
+"""Largest number of significant digits."""
 ROUNDING = 1e-6
 """Share of the scale of a parameter below which a number is a rounding error."""
 
@@ -49,6 +51,21 @@ def number(value: float, digits: int = 3) -> str:
     if -5 <= decimals < -2:
         return f"{round(value, decimals):.0f}"
     return f"{value:.{digits - 1}e}"
+
+
+def with_interval(estimate: Estimate, factor: float) -> list[str]:
+    """Return value and ends of an interval, with enough digits to see how wide it is.
+
+    Args:
+        estimate: value and interval in SI units.
+        factor: of the unit in which they are shown.
+    """
+    ends = [factor * x for x in (estimate.value, estimate.low, estimate.high)]
+    width, size = abs(ends[2] - ends[1]), max(map(abs, ends))
+    digits = 3
+    if 0.0 < width < math.inf:
+        digits = 2 + math.floor(math.log10(size)) - math.floor(math.log10(width))
+    return [number(one, min(max(digits, 3), MOST_DIGITS)) for one in ends]
 
 
 def rounded(cause: NamedCause, name: str) -> Estimate:

@@ -35,6 +35,7 @@ from reality_gap.report.formatting import (
     probability,
     rounded,
     shown,
+    with_interval,
 )
 from reality_gap.report.log_text import agreement, flat_rows, log_rows
 from reality_gap.report.plots.candidates import candidate_evidence
@@ -127,9 +128,7 @@ def parameter_rows(cause: NamedCause) -> list[tuple[str, ...]]:
     for name in cause.foremost():
         estimate = rounded(cause, name)
         factor, unit = shown(estimate.unit, estimate.value)
-        value, low, high = (
-            number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
-        )
+        value, low, high = with_interval(estimate, factor)
         rows.append(
             (
                 capital(cause.candidate.cause.title),

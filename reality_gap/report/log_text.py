@@ -8,7 +8,15 @@ from dataclasses import replace
 from reality_gap.causes.base import Location
 from reality_gap.diagnosis import Diagnosis, NamedCause
 from reality_gap.log_findings import Estimate, FlatDirection, LogComparison, Remedy
-from reality_gap.report.formatting import capital, human, joined, number, probability, shown
+from reality_gap.report.formatting import (
+    capital,
+    human,
+    joined,
+    number,
+    probability,
+    shown,
+    with_interval,
+)
 
 MANY = 6
 """Number of elements above which only some are listed."""
@@ -71,11 +79,11 @@ def _first_rows(cause: NamedCause) -> list[tuple[str, str, str, str]]:
 
 def _written(cause: NamedCause, name: str, estimate: Estimate) -> tuple[str, str]:
     factor, unit = shown(estimate.unit, estimate.value)
-    scale = abs(cause.candidate.parameter(name).scale)
-    ends = [
-        number(factor * (0.0 if abs(end) < 1e-6 * scale else end))
-        for end in (estimate.value, estimate.low, estimate.high)
-    ]
+    least = 1e-6 * abs(cause.candidate.parameter(name).scale)
+    value, low, high = (
+        0.0 if abs(end) < least else end for end in (estimate.value, estimate.low, estimate.high)
+    )
+    ends = with_interval(replace(estimate, value=value, low=low, high=high), factor)
     return f"{ends[0]} {unit}".strip(), f"{ends[1]} to {ends[2]} {unit}".strip()
 
 

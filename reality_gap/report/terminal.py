@@ -12,7 +12,7 @@ from rich.table import Table
 
 from reality_gap.diagnosis import Calibration, Diagnosis
 from reality_gap.errors import one_line
-from reality_gap.report.formatting import number, probability, rounded, shown
+from reality_gap.report.formatting import number, probability, rounded, shown, with_interval
 
 LINES = 10
 """Number of lines of progress where there is no bar, about."""
@@ -64,9 +64,7 @@ def cause_table(diagnosis: Diagnosis) -> Table:
         for name in cause.foremost():
             estimate = rounded(cause, name)
             factor, unit = shown(estimate.unit, estimate.value)
-            value, low, high = (
-                number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
-            )
+            value, low, high = with_interval(estimate, factor)
             parameters.append(f"{name} {value} {unit} ({low} to {high})".replace("  ", " "))
         table.add_row(
             cause.candidate.cause.title,

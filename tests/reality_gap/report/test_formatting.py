@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from reality_gap.report.formatting import joined, number, percent, probability, shown
+from reality_gap.diagnosis import Estimate
+from reality_gap.report.formatting import (
+    joined,
+    number,
+    percent,
+    probability,
+    shown,
+    with_interval,
+)
 
 
 @pytest.mark.parametrize(
@@ -59,3 +69,22 @@ def test_a_probability_is_never_shown_as_certain() -> None:
 def test_lists_are_joined_as_in_sentences() -> None:
     assert joined(["a"]) == "a"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
+
+
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        ((0.01066, 0.01026, 0.01073), ["0.01066", "0.01026", "0.01073"]),
+        ((0.25, 0.2, 0.31), ["0.250", "0.200", "0.310"]),
+        ((-0.6671, -0.6675, -0.6669), ["-0.66710", "-0.66750", "-0.66690"]),
+        ((1.0, 1.0, 1.0), ["1.00", "1.00", "1.00"]),
+        ((3.0, 3.0 - 1e-12, 3.0 + 1e-12), ["3.00000", "3.00000", "3.00000"]),
+        ((0.2, 0.1, math.inf), ["0.200", "0.100", "inf"]),
+        ((0.0, 0.0, 0.0), ["0", "0", "0"]),
+    ],
+)
+def test_an_interval_has_the_digits_that_show_its_width(
+    ends: tuple[float, float, float], expected: list[str]
+) -> None:
+    value, low, high = ends
+    assert with_interval(Estimate(value, low, high, "1"), 1.0) == expected
