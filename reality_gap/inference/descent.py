@@ -38,8 +38,7 @@ def descend(problem: Problem, start: Hypothesis, steps: int) -> Hypothesis:
 
     def residuals(points: list[Floats]) -> list[Floats]:
         found = problem.replayer.residuals([scale.hypothesis(one) for one in points])
-        finite = (np.nan_to_num(one, nan=DIVERGED, posinf=DIVERGED) for one in found)
-        return [problem.noise_model.whiten(np.clip(one, -DIVERGED, DIVERGED)) for one in finite]
+        return [problem.noise_model.whiten(finite(one)) for one in found]
 
     def slopes(point: Floats) -> Floats:
         changes = np.where(point + STEP <= scale.high, STEP, -STEP)
@@ -54,6 +53,11 @@ def descend(problem: Problem, start: Hypothesis, steps: int) -> Hypothesis:
         max_nfev=steps,
     )
     return scale.hypothesis(found.x)
+
+
+def finite(residual: Floats) -> Floats:
+    """Return a residual (n,) of which none is larger than that of a replay that diverges."""
+    return np.clip(np.nan_to_num(residual, nan=DIVERGED), -DIVERGED, DIVERGED)
 
 
 class _Scale:

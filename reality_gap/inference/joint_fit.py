@@ -9,12 +9,11 @@ the least first (backward elimination).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
-from reality_gap.inference.descent import FACTORS, descend
+from reality_gap.inference.descent import FACTORS, descend, finite
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, profile
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
@@ -104,8 +103,7 @@ def _best(problem: Problem, starts: Sequence[Hypothesis]) -> Fit:
     """
     offset = [part for part in starts[0] if part[0].cause.id == OFFSET]
     anchored = [[part for part in one if part[0].cause.id != OFFSET] for one in starts]
-    finite = [bool(np.isfinite(one).all()) for one in problem.replayer.residuals(anchored)]
-    tried = [_settled(problem, one, FIRST) for one in itertools.compress(anchored, finite)]
+    tried = [_settled(problem, one, FIRST) for one in anchored]
     tried.sort(key=lambda one: -one.raw_evidence)
     more = [_settled(problem, [*one.hypothesis, *offset], MORE) for one in tried[:KEPT]]
     return max(more, key=lambda one: one.raw_evidence)
@@ -127,7 +125,7 @@ def _other_gains(begin: Hypothesis) -> list[Hypothesis]:
 
 def _settled(problem: Problem, start: Hypothesis, steps: int) -> Fit:
     """Fit causes with the variance of what they leave, as in a fit of unknown variance."""
-    residual = problem.replayer.residual(start)
+    residual = finite(problem.replayer.residual(start))
     fitted = null_fit(problem)
     for _ in range(SETTLINGS):
         own, before = problem.widened(residual), np.mean(residual**2)
