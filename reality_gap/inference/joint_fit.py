@@ -103,6 +103,8 @@ def _best(problem: Problem, starts: Sequence[Hypothesis]) -> Fit:
     """
     offset = [part for part in starts[0] if part[0].cause.id == OFFSET]
     anchored = [[part for part in one if part[0].cause.id != OFFSET] for one in starts]
+    if not anchored[0]:
+        offset, anchored = [], [list(one) for one in starts]
     tried = [_settled(problem, one, FIRST) for one in anchored]
     tried.sort(key=lambda one: -one.raw_evidence)
     more = [_settled(problem, [*one.hypothesis, *offset], MORE) for one in tried[:KEPT]]
