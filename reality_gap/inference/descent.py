@@ -1,9 +1,9 @@
 """Descent: likely sizes of large causes, also from a start that is far from them.
 
 The fits of a search (see `gauss_newton`) take steps of the size of a usual fault and stop where one
-of them leads no further. That is enough near a model, but not where a gain is drawn fifty times too
-large: half of its range is another servo there. Here gains are factors, whose logarithms are
-fitted, and a trust region follows a curved valley.
+of them leads no further. That is enough near a model, but not where a gain of the model is fifty
+times too large: half of its range is another servo there. Here gains are factors, whose logarithms
+are fitted, and a trust region follows a curved valley.
 """
 
 from __future__ import annotations

@@ -68,9 +68,15 @@ def with_interval(estimate: Estimate, factor: float) -> list[str]:
     return [number(one, min(max(digits, 3), MOST_DIGITS)) for one in ends]
 
 
-def rounded(cause: NamedCause, name: str) -> Estimate:
-    """Return the estimate of a parameter, with 0 in place of numbers that are rounding errors."""
-    estimate = cause.parameters[name]
+def rounded(cause: NamedCause, name: str, estimate: Estimate | None = None) -> Estimate:
+    """Return an estimate of a parameter, with 0 in place of numbers that are rounding errors.
+
+    Args:
+        cause: the cause.
+        name: name of the parameter.
+        estimate: one of the parameter, such as that of one log; by default that of the cause.
+    """
+    estimate = estimate or cause.parameters[name]
     least = ROUNDING * abs(cause.candidate.parameter(name).scale)
     value, low, high = (
         0.0 if abs(x) < least else x for x in (estimate.value, estimate.low, estimate.high)

@@ -14,6 +14,7 @@ from reality_gap.report.formatting import (
     joined,
     number,
     probability,
+    rounded,
     shown,
     with_interval,
 )
@@ -79,11 +80,7 @@ def _first_rows(cause: NamedCause) -> list[tuple[str, str, str, str]]:
 
 def _written(cause: NamedCause, name: str, estimate: Estimate) -> tuple[str, str]:
     factor, unit = shown(estimate.unit, estimate.value)
-    least = 1e-6 * abs(cause.candidate.parameter(name).scale)
-    value, low, high = (
-        0.0 if abs(end) < least else end for end in (estimate.value, estimate.low, estimate.high)
-    )
-    ends = with_interval(replace(estimate, value=value, low=low, high=high), factor)
+    ends = with_interval(rounded(cause, name, estimate), factor)
     return f"{ends[0]} {unit}".strip(), f"{ends[1]} to {ends[2]} {unit}".strip()
 
 
