@@ -34,19 +34,25 @@ def descend(problem: Problem, start: Hypothesis, steps: int) -> Hypothesis:
         start: causes with the values to begin with.
         steps: largest number of steps.
     """
-    scale = _Scale(start)
+    scale, known = _Scale(start), dict[bytes, Floats]()
 
     def residuals(points: list[Floats]) -> list[Floats]:
         found = problem.replayer.residuals([scale.hypothesis(one) for one in points])
         return [problem.noise_model.whiten(finite(one)) for one in found]
 
+    def residual(point: Floats) -> Floats:
+        key = point.tobytes()
+        if key not in known:
+            [known[key]] = residuals([point])
+        return known[key]
+
     def slopes(point: Floats) -> Floats:
         changes = np.where(point + STEP <= scale.high, STEP, -STEP)
-        here, *moved = residuals([point, *(point + one for one in np.diag(changes))])
+        here, moved = residual(point), residuals([point + one for one in np.diag(changes)])
         return np.column_stack([(m - here) / c for m, c in zip(moved, changes, strict=True)])
 
     found = least_squares(
-        lambda point: residuals([point])[0],
+        residual,
         scale.start,
         slopes,
         bounds=(scale.low, scale.high),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -165,12 +166,35 @@ class Search:
         return None
 
 
+class Advance(NamedTuple):
+    """By what a search advances.
+
+    Attributes:
+        problem: the problem, inflated by what the causes leave.
+        steps: one for each cause that is added, or one that was not accepted.
+        best: the causes.
+    """
+
+    problem: Problem
+    steps: tuple[Step, ...]
+    best: Fit
+
+
+class FindTogether(Protocol):
+    """Finds causes together where no first cause explains much; None if there are none."""
+
+    def __call__(
+        self, plain: Problem, sensitivities: Sequence[Sensitivity], step: Step, /
+    ) -> Advance | None: ...
+
+
 def search(
     problem: Problem,
     sensitivities: Sequence[Sensitivity],
     settings: Settings,
     deferred: Deferred | None = None,
     known: Sequence[Fit] = (),
+    find_together: FindTogether = lambda plain, sensitivities, step: None,
     relinearise: bool = True,
 ) -> Search:
     """Search for the causes of a residual.
@@ -181,6 +205,8 @@ def search(
         settings: thresholds.
         deferred: candidates that are screened where others have evidence.
         known: fits of single candidates by an earlier search, which are tried, too.
+        find_together: called with the problem without inflation, all sensitivities and the first
+            step; the search goes on beside the causes that it returns.
         relinearise: whether slopes of tolerances may become those beside the causes.
     """
     plain, best, near = problem, null_fit(problem), sensitivities
@@ -198,15 +224,9 @@ def search(
         if not tried:
             break
         settled = settle(plain, tried, best)
-        problem, step = settled.problem, _judge(settled, settings)
-        pair = None
-        if not step.accepted and best.is_null and problem.noise_model.is_far:
-            pair = _pair(plain, problem, sensitivities, step, settings)
-        if pair:
-            problem, first, step = pair
-            steps.append(first)
-        steps.append(step)
-        best = without_covered(problem, step.tried[0]) if step.accepted else step.base
+        problem, added, best = _advance(plain, settled, sensitivities, settings, find_together)
+        steps += added
+        step = added[-1]
         if step.accepted or (best.is_null and problem.noise_model.is_far):
             stop = refuting_stop(plain, step.base, best if step.accepted else None)
         if stop is not None or not step.accepted:
@@ -220,6 +240,27 @@ def search(
             near = _screen_beside(problem, sensitivities, best)
     found = tuple(sensitivities)
     return Search(problem, tuple(steps), best, found, stop=stop, relinearised=is_bent)
+
+
+def _advance(
+    plain: Problem,
+    settled: Settled,
+    sensitivities: Sequence[Sensitivity],
+    settings: Settings,
+    find_together: FindTogether,
+) -> Advance:
+    """Add the best cause of a step if it is accepted; of a first step, also several causes."""
+    problem, step = settled.problem, _judge(settled, settings)
+    if step.base.is_null:
+        together = find_together(plain, sensitivities, step)
+        if together is not None:
+            return together
+        if not step.accepted and problem.noise_model.is_far:
+            pair = _pair(plain, problem, sensitivities, step, settings)
+            if pair is not None:
+                return pair
+    best = without_covered(problem, step.tried[0]) if step.accepted else step.base
+    return Advance(problem, (step,), best)
 
 
 def without_covered(problem: Problem, fitted: Fit) -> Fit:
@@ -243,7 +284,7 @@ def _pair(
     sensitivities: Sequence[Sensitivity],
     step: Step,
     settings: Settings,
-) -> tuple[Problem, Step, Step] | None:
+) -> Advance | None:
     """Return the first two steps if their causes pay together, though the first alone does not.
 
     Where a model is wrong by many noises in two ways, what either of them leaves is so large and so
@@ -269,7 +310,8 @@ def _pair(
     together = second.tried[0].evidence - null.evidence - second.needed
     if together <= step.needed:
         return None
-    return settled.problem, replace(step, gain=together), second
+    steps = (replace(step, gain=together), second)
+    return Advance(settled.problem, steps, without_covered(settled.problem, second.tried[0]))
 
 
 def _judge(settled: Settled, settings: Settings) -> Step:

@@ -48,15 +48,20 @@ TRIED = 3
 
 
 def joint_fit(
-    problem: Problem, sensitivities: Sequence[Sensitivity], start: Hypothesis, needed: float
+    problem: Problem,
+    sensitivities: Sequence[Sensitivity],
+    starts: Sequence[Hypothesis],
+    needed: float,
+    widely: bool = True,
 ) -> list[Fit]:
     """Fit all usual causes together, and drop those that add too little.
 
     Args:
         problem: what is to be explained, without inflation.
         sensitivities: of all candidates.
-        start: causes found one by one, with the values with which the usual ones begin.
+        starts: causes with the values with which the usual ones begin, at least one set of them.
         needed: what each cause must add [nats].
+        widely: whether to begin with each of `GAINS`, too.
 
     Returns:
         Fits of one cause, of two and so on to all that are left, each with one more than the one
@@ -66,11 +71,8 @@ def joint_fit(
     bare, candidates = problem.without_tolerances(), _usual(sensitivities)
     if len(candidates) < 2 or sum(len(one.parameters) for one in candidates) > MOST:
         return []
-    known = {(one.cause.id, one.location): values for one, values in start}
-    begin = [
-        (one, known.get((one.cause.id, one.location), one.null_values())) for one in candidates
-    ]
-    best = _best(bare, [begin, *_other_gains(begin)])
+    begins = [_begin(candidates, start) for start in starts]
+    best = _best(bare, [*begins, *(_other_gains(begins[0]) if widely else [])])
     while (fewer := _without_deviation(bare, best)) is not None:
         best = fewer
     chain = [best]
@@ -93,6 +95,12 @@ def _usual(sensitivities: Sequence[Sensitivity]) -> list[Candidate]:
             found.append(candidate)
     servos = any(one.cause.id == GAIN for one in found)
     return [one for one in found if not (servos and one.cause.id == MASS)]
+
+
+def _begin(candidates: Sequence[Candidate], start: Hypothesis) -> Hypothesis:
+    """Return all candidates with the values that they have in a start, or that change nothing."""
+    known = {(one.cause.id, one.location): values for one, values in start}
+    return [(one, known.get((one.cause.id, one.location), one.null_values())) for one in candidates]
 
 
 def _best(problem: Problem, starts: Sequence[Hypothesis]) -> Fit:

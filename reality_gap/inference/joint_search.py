@@ -1,49 +1,103 @@
-"""Joint search: the causes of a joint fit in place of those that were found one by one."""
+"""Joint search: the causes of a joint fit in place of those that are found one by one."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from reality_gap.inference.forward_selection import Search, Settings, Step
-from reality_gap.inference.gauss_newton import fit, null_fit, profile, rescore
+from reality_gap.inference.forward_selection import Advance, Search, Settings, Step
+from reality_gap.inference.gauss_newton import Fit, fit, null_fit, profile, rescore
 from reality_gap.inference.joint_fit import USUAL, joint_fit
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
+from reality_gap.inference.screening import Sensitivity
+
+LITTLE = 4.0
+"""Mean square up to which a joint fit must explain a log to take the place of a search
+[noise^2]."""
 
 
-def with_joint_fit(plain: Problem, result: Search, settings: Settings) -> Search:
-    """Return a search with a joint fit, whose causes replace its own if they are much likelier.
-
-    There is one where causes leave many noises, also if these are within tolerances: those explain
-    much where wrong causes with many parameters imitate several. Its causes must be likelier with
-    tolerances and without them.
+class JointSearch:
+    """Joint fits of a log, which depend on no tolerances: the first one is done once.
 
     Args:
-        plain: the problem without inflation.
-        result: a search for causes one by one.
         settings: thresholds.
     """
-    if np.mean(result.best.residual**2) < FAR or result.stop is not None or not result.steps:
-        return result
-    singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
-    start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
-    chain = joint_fit(plain, result.sensitivities, start, settings.weak)
-    if not chain:
-        return result
-    result, bare = replace(result, joint=chain[-1].hypothesis), plain.without_tolerances()
-    added = max(0, len(chain) - len(result.best.hypothesis))
-    gain = chain[-1].evidence - profile(bare, result.best).evidence
-    if gain <= settings.threshold + settings.weak * added:
-        return result
-    steps = [
-        Step(base, (fitted,), fitted.evidence - base.evidence, settings.weak)
-        for base, fitted in itertools.pairwise([profile(bare, null_fit(plain)), *chain])
-    ]
-    problem = plain.inflated(chain[-1].residual)
-    best = fit(problem, chain[-1].hypothesis)
-    if best.evidence <= rescore(problem, result.best).evidence:
-        return result
-    return replace(result, problem=problem, steps=tuple(steps), best=best, together=True)
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._chain: list[Fit] | None = None
+
+    def instead(
+        self, plain: Problem, sensitivities: Sequence[Sensitivity], step: Step
+    ) -> Advance | None:
+        """Return the causes of a joint fit where no single cause explains much, but they do.
+
+        A search for one cause after the other is far longer where there are several large ones,
+        and what the first ones imitate stays among its causes.
+
+        Args:
+            plain: the problem without inflation.
+            sensitivities: of all candidates.
+            step: the first step of a search, whose best candidates are fitted.
+
+        Returns:
+            None if a single cause leaves few noises, or if a joint fit leaves many.
+        """
+        first = step.tried[0]
+        if np.mean(first.residual**2) < FAR:
+            return None
+        if self._chain is None:
+            start = next((f for f in step.tried if f.candidates[-1].cause.id in USUAL), None)
+            begin = start.hypothesis if start else []
+            self._chain = joint_fit(plain, sensitivities, [begin], self._settings.weak)
+        if not self._chain or np.mean(self._chain[-1].residual**2) > LITTLE:
+            return None
+        return self._likelier(plain, first, self._chain)
+
+    def after(self, plain: Problem, result: Search) -> Search:
+        """Return a search with a joint fit, whose causes replace its own if they are much likelier.
+
+        There is one where causes leave many noises, also if these are within tolerances: those
+        explain much where wrong causes with many parameters imitate several. Its causes must be
+        likelier with tolerances and without them.
+
+        Args:
+            plain: the problem without inflation.
+            result: a search for causes one by one.
+        """
+        if np.mean(result.best.residual**2) < FAR or result.stop is not None or not result.steps:
+            return result
+        singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
+        start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
+        starts = [start, *(one.hypothesis for one in (self._chain or [])[-1:])]
+        widely = self._chain is None
+        chain = joint_fit(plain, result.sensitivities, starts, self._settings.weak, widely)
+        if not chain:
+            return result
+        result = replace(result, joint=chain[-1].hypothesis)
+        found = self._likelier(plain, result.best, chain)
+        if found is None:
+            return result
+        problem, steps, best = found
+        return replace(result, problem=problem, steps=steps, best=best, together=True)
+
+    def _likelier(self, plain: Problem, best: Fit, chain: Sequence[Fit]) -> Advance | None:
+        """Return the causes of a joint fit if they are much likelier than the best others."""
+        settings, bare = self._settings, plain.without_tolerances()
+        added = max(0, len(chain) - len(best.hypothesis))
+        gain = chain[-1].evidence - profile(bare, best).evidence
+        if gain <= settings.threshold + settings.weak * added:
+            return None
+        steps = tuple(
+            Step(base, (fitted,), fitted.evidence - base.evidence, settings.weak)
+            for base, fitted in itertools.pairwise([profile(bare, null_fit(plain)), *chain])
+        )
+        problem = plain.inflated(chain[-1].residual)
+        together = fit(problem, chain[-1].hypothesis)
+        if together.evidence <= rescore(problem, best).evidence:
+            return None
+        return Advance(problem, steps, together)

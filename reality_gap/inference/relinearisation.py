@@ -4,6 +4,11 @@ The columns of tolerances are slopes of the nominal model. Where a cause changes
 as friction in a pendulum that swings freely without it, they are not those of the machine: along a
 few dozen wrong directions of thousands of noises each, deviations seem to explain whatever is left,
 but only in the readings they are inferred from. Beside such a cause the slopes are replayed.
+
+Tolerances of forces are those of the nominal machine. If its servo turns out to be fifty times
+weaker, so are its friction, its dampings and its offsets; the friction that a good model of the
+nominal machine may lack would move this one by fifty times as much, and explain any friction that
+it has.
 """
 
 from __future__ import annotations
@@ -23,6 +28,10 @@ BENT = 0.5
 """Change of a slope from which on slopes are replayed, relative to the larger of both."""
 COMPARED = 3
 """How many slopes are compared, those of the tolerances with the largest effects."""
+STRENGTH = ("position_gain", "force_scale")
+"""Causes whose excess e makes a machine 1 + e times as strong."""
+WEAKEST = 1e-3
+"""Least strength of a machine over that of its model."""
 
 
 def relinearised(problem: Problem, fitted: Fit) -> Problem | None:
@@ -54,6 +63,7 @@ def relinearised(problem: Problem, fitted: Fit) -> Problem | None:
         return None
     own = rough * _slopes(problem, [tolerances[i] for i in free], fitted)
     own[:, ~np.isfinite(own).all(axis=0)] = 0.0
+    own = _as_strong(own, columns[:, free], fitted.hypothesis)
     found = np.zeros_like(columns[:, : len(tolerances)])
     found[:, free] = own
     starts = [rough * column for column in start_columns(replayer, fitted.hypothesis)]
@@ -71,6 +81,24 @@ def _slopes(problem: Problem, tolerances: list[Tolerance], fitted: Fit) -> Float
     ]
     residuals = problem.replayer.residuals(hypotheses)
     return np.column_stack([(fitted.residual - other) / DIFFERENCE for other in residuals])
+
+
+def _as_strong(own: Floats, nominal: Floats, hypothesis: Hypothesis) -> Floats:
+    """Return columns (n, p) with tolerances of forces as large as the machine is strong.
+
+    Their effect does not become less, or more where it is stronger, than that beside the nominal
+    model.
+
+    Args:
+        own: change of the readings by the tolerances of the nominal model beside the causes.
+        nominal: the same beside the nominal model.
+        hypothesis: the causes.
+    """
+    excess = [v["excess"] for one, v in hypothesis if one.cause.id in STRENGTH]
+    strength = max(WEAKEST, 1.0 + min(excess, default=0.0))
+    before, now = np.linalg.norm(nominal, axis=0), np.linalg.norm(own, axis=0)
+    factor = np.divide(before, now, out=np.ones_like(now), where=now > 0.0)
+    return own * np.clip(factor, min(1.0, strength), max(1.0, strength))
 
 
 def _is_bent(old: Floats, new: Floats) -> bool:

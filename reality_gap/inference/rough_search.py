@@ -10,7 +10,7 @@ import numpy as np
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.forward_selection import Search, Settings, search
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.joint_search import with_joint_fit
+from reality_gap.inference.joint_search import JointSearch
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.roughness import roughness
@@ -39,7 +39,8 @@ def search_roughly(
     What a stop leaves beside a cause that it refutes is no deviation, and ends the search. Where
     slopes beside a wrong first cause lead to causes that leave much, and more than those found with
     the slopes of the nominal model, the latter are kept. Where causes that are found one by one
-    leave many noises, a joint fit of the usual ones follows.
+    leave many noises, a joint fit of the usual ones follows; where the first one does, and such a
+    fit leaves few, the search begins with it.
 
     Args:
         replayer: replays hypotheses.
@@ -52,20 +53,20 @@ def search_roughly(
         known: fits of single causes that are tried in any case.
         handicaps: evidence that the first cause needs in addition; see `Problem` [nats].
     """
-    rough = 1.0
+    rough, joint = 1.0, JointSearch(settings)
     while True:
         noise_model = independent_noise(replayer.measured, rough * columns)
         problem = Problem(replayer, null_residual, noise_model, rough, tolerances, handicaps)
         run = partial(search, problem, sensitivities, settings, deferred)
-        result = run(known)
+        result = run(known, joint.instead)
         if result.relinearised and result.problem.noise_model.variance.max() > MUCH:
-            fixed = run(result.singles, relinearise=False)
+            fixed = run(result.singles, joint.instead, relinearise=False)
             result = min(result, fixed, key=lambda one: _left(one.best))
         inflation = result.problem.noise_model.inflation
         own = result.problem.noise_model.tolerances / rough
         found = roughness(replayer.measured, own, result.best.residual, inflation)
         if found <= rough or result.stop is not None:
-            return with_joint_fit(problem, result, settings)
+            return joint.after(problem, result)
         sensitivities, rough, known = result.sensitivities, found, result.singles
 
 

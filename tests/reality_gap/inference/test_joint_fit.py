@@ -17,7 +17,7 @@ from reality_gap.inference.descent import descend
 from reality_gap.inference.forward_selection import Settings, search
 from reality_gap.inference.gauss_newton import Fit, fit
 from reality_gap.inference.joint_fit import USUAL, joint_fit
-from reality_gap.inference.joint_search import with_joint_fit
+from reality_gap.inference.joint_search import JointSearch
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
@@ -93,7 +93,7 @@ def screened(problem: Problem) -> list[Sensitivity]:
 
 @pytest.fixture(scope="module")
 def chain(problem: Problem) -> list[Fit]:
-    return joint_fit(problem, screened(problem), [], 3.0)
+    return joint_fit(problem, screened(problem), [[]], 3.0)
 
 
 def test_large_causes_are_fitted_together(problem: Problem, chain: list[Fit]) -> None:
@@ -130,7 +130,7 @@ def test_a_servo_that_is_fifty_times_weaker_is_predicted_to_the_noise(
     monkeypatch.setattr(weak.replayer, "residuals", diverging)
     monkeypatch.setattr(weak.replayer, "residual", lambda one: diverging([one])[0])
 
-    best = joint_fit(weak, screens, [], 3.0)[-1]
+    best = joint_fit(weak, screens, [[]], 3.0)[-1]
 
     # What every good model may have is no cause.
     assert not any(is_tolerable(*part) for part in best.hypothesis)
@@ -162,7 +162,7 @@ def test_too_many_parameters_are_not_fitted_together(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("reality_gap.inference.joint_fit.MOST", 3)
-    assert joint_fit(problem, screened(problem), [], 3.0) == []
+    assert joint_fit(problem, screened(problem), [[]], 3.0) == []
 
 
 @pytest.mark.slow
@@ -179,13 +179,13 @@ def test_it_replaces_causes_that_leave_much(problem: Problem) -> None:
     first = search(problem, screened(problem), Settings(most=1))
     assert len(first.best.hypothesis) == 1
 
-    found = with_joint_fit(problem, first, Settings())
+    found = JointSearch(Settings()).after(problem, first)
 
     assert found.together
     assert len(found.steps) == len(found.best.hypothesis) == len(found.joint) > 1
     assert np.mean(found.best.residual**2) < 0.2 * np.mean(first.best.residual**2)
     little = replace(first, best=found.best)
-    assert with_joint_fit(problem, little, Settings()) is little
+    assert JointSearch(Settings()).after(problem, little) is little
 
 
 def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem, chain: list[Fit]) -> None:
