@@ -181,7 +181,10 @@ class Advance(NamedTuple):
 
 
 class FindTogether(Protocol):
-    """Finds causes together where no first cause explains much; None if there are none."""
+    """Finds causes together where a model is wrong by many noises beside any first cause.
+
+    None if there are none.
+    """
 
     def __call__(
         self, plain: Problem, sensitivities: Sequence[Sensitivity], step: Step, /
@@ -251,14 +254,12 @@ def _advance(
 ) -> Advance:
     """Add the best cause of a step if it is accepted; of a first step, also several causes."""
     problem, step = settled.problem, _judge(settled, settings)
-    if step.base.is_null:
+    if step.base.is_null and problem.noise_model.is_far:
         together = find_together(plain, sensitivities, step)
+        if together is None and not step.accepted:
+            together = _pair(plain, problem, sensitivities, step, settings)
         if together is not None:
             return together
-        if not step.accepted and problem.noise_model.is_far:
-            pair = _pair(plain, problem, sensitivities, step, settings)
-            if pair is not None:
-                return pair
     best = without_covered(problem, step.tried[0]) if step.accepted else step.base
     return Advance(problem, (step,), best)
 

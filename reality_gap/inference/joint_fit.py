@@ -51,31 +51,43 @@ def joint_fit(
     problem: Problem,
     sensitivities: Sequence[Sensitivity],
     starts: Sequence[Hypothesis],
-    needed: float,
     widely: bool = True,
-) -> list[Fit]:
-    """Fit all usual causes together, and drop those that add too little.
+) -> Fit | None:
+    """Fit all usual causes together.
 
     Args:
         problem: what is to be explained, without inflation.
         sensitivities: of all candidates.
         starts: causes with the values with which the usual ones begin, at least one set of them.
-        needed: what each cause must add [nats].
         widely: whether to begin with each of `GAINS`, too.
 
     Returns:
-        Fits of one cause, of two and so on to all that are left, each with one more than the one
-        before, with their profile likelihood; empty if there are too many parameters. The last one
-        has no evidence if it has a deviation that every good model may have.
+        The fit, with its profile likelihood; None if there are too many parameters.
     """
     bare, candidates = problem.without_tolerances(), _usual(sensitivities)
     if len(candidates) < 2 or sum(len(one.parameters) for one in candidates) > MOST:
-        return []
+        return None
     begins = [_begin(candidates, start) for start in starts]
-    best = _best(bare, [*begins, *(_other_gains(begins[0]) if widely else [])])
-    while (fewer := _without_deviation(bare, best)) is not None:
-        best = fewer
-    chain = [best]
+    return _best(bare, [*begins, *(_other_gains(begins[0]) if widely else [])])
+
+
+def eliminated(problem: Problem, joint: Fit, needed: float) -> list[Fit]:
+    """Drop those causes of a joint fit that add too little, the least first.
+
+    Args:
+        problem: what is to be explained, without inflation.
+        joint: the joint fit.
+        needed: what each cause must add [nats].
+
+    Returns:
+        Fits of one cause, of two and so on to all that are left, each with one more than the one
+        before, with their profile likelihood. The last one has no evidence if it has a deviation
+        that every good model may have.
+    """
+    bare = problem.without_tolerances()
+    while (fewer := _without_deviation(bare, joint)) is not None:
+        joint = fewer
+    chain = [joint]
     while len(chain[0].hypothesis) > 1:
         chain.insert(0, _best_without(bare, chain[0], _least(bare, chain[0])))
     worth = [one.raw_evidence - needed * len(one.hypothesis) for one in chain]

@@ -10,7 +10,7 @@ import numpy as np
 
 from reality_gap.inference.forward_selection import Advance, Search, Settings, Step
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, profile, rescore
-from reality_gap.inference.joint_fit import USUAL, joint_fit
+from reality_gap.inference.joint_fit import USUAL, eliminated, joint_fit
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
@@ -29,7 +29,9 @@ class JointSearch:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._chain: list[Fit] | None = None
+        self._is_done = False
+        self._joint: Fit | None = None
+        self._chain: list[Fit] = []
 
     def instead(
         self, plain: Problem, sensitivities: Sequence[Sensitivity], step: Step
@@ -48,14 +50,16 @@ class JointSearch:
             None if a single cause leaves few noises, or if a joint fit leaves many.
         """
         first = step.tried[0]
-        if np.mean(first.residual**2) < FAR:
+        if _left(first) < FAR:
             return None
-        if self._chain is None:
+        if not self._is_done:
             start = next((f for f in step.tried if f.candidates[-1].cause.id in USUAL), None)
-            begin = start.hypothesis if start else []
-            self._chain = joint_fit(plain, sensitivities, [begin], self._settings.weak)
-        if not self._chain or np.mean(self._chain[-1].residual**2) > LITTLE:
+            starts = [start.hypothesis if start else []]
+            self._joint, self._is_done = joint_fit(plain, sensitivities, starts), True
+        if self._joint is None or _left(self._joint) > LITTLE:
             return None
+        if not self._chain:
+            self._chain = eliminated(plain, self._joint, self._settings.weak)
         return self._likelier(plain, first, self._chain)
 
     def after(self, plain: Problem, result: Search) -> Search:
@@ -67,17 +71,19 @@ class JointSearch:
 
         Args:
             plain: the problem without inflation.
-            result: a search for causes one by one.
+            result: a search for causes one by one, or one that begins with those of a joint fit.
         """
-        if np.mean(result.best.residual**2) < FAR or result.stop is not None or not result.steps:
+        if self._chain:
+            result = replace(result, joint=self._chain[-1].hypothesis)
+        if _left(result.best) < FAR or result.stop is not None or not result.steps:
             return result
         singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
         start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
-        starts = [start, *(one.hypothesis for one in (self._chain or [])[-1:])]
-        widely = self._chain is None
-        chain = joint_fit(plain, result.sensitivities, starts, self._settings.weak, widely)
-        if not chain:
+        starts = [start, *([self._joint.hypothesis] if self._joint else [])]
+        joint = joint_fit(plain, result.sensitivities, starts, widely=not self._is_done)
+        if joint is None:
             return result
+        chain = eliminated(plain, joint, self._settings.weak)
         result = replace(result, joint=chain[-1].hypothesis)
         found = self._likelier(plain, result.best, chain)
         if found is None:
@@ -101,3 +107,8 @@ class JointSearch:
         if together.evidence <= rescore(problem, best).evidence:
             return None
         return Advance(problem, steps, together)
+
+
+def _left(fitted: Fit) -> float:
+    """Return the mean square of what causes leave [noise^2]."""
+    return float(np.mean(fitted.residual**2))

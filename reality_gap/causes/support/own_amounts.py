@@ -7,7 +7,7 @@ amount fits, and a search that adds one joint after the other ends before the la
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import mujoco
 
@@ -57,6 +57,14 @@ def _parameters(cause: Cause, system: System, location: Location) -> tuple[Param
     return tuple(replace(p, name=name) for name, p in zip(location.elements, amounts, strict=True))
 
 
+@lru_cache(maxsize=64)
+def _parameters_of_single(
+    cause: Cause, system: System, location: Location
+) -> tuple[Parameter, ...]:
+    """Return the parameters of the cause itself, which each model that is built needs again."""
+    return cause.parameters(system, location)
+
+
 def _singles(
     cause: Cause, system: System, location: Location, values: Values
 ) -> list[tuple[Location, Values]]:
@@ -68,7 +76,7 @@ def _singles(
         return [(location, values)]
     found = list[tuple[Location, Values]]()
     for one in single_locations(location):
-        amount, *others = cause.parameters(system, one)
+        amount, *others = _parameters_of_single(cause, system, one)
         value = values[one.elements[0]]
         if value != amount.null:
             found.append((one, {amount.name: value} | {p.name: p.null for p in others}))

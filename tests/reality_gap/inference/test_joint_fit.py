@@ -16,7 +16,7 @@ from reality_gap.inference.calibration import calibrate
 from reality_gap.inference.descent import descend
 from reality_gap.inference.forward_selection import Settings, search
 from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.joint_fit import USUAL, joint_fit
+from reality_gap.inference.joint_fit import USUAL, eliminated, joint_fit
 from reality_gap.inference.joint_search import JointSearch
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
@@ -91,9 +91,15 @@ def screened(problem: Problem) -> list[Sensitivity]:
     return list(screen(problem.replayer, candidates, problem.null_residual))
 
 
+def chain_of(problem: Problem, screens: Sequence[Sensitivity]) -> list[Fit]:
+    joint = joint_fit(problem, screens, [[]])
+    assert joint is not None
+    return eliminated(problem, joint, 3.0)
+
+
 @pytest.fixture(scope="module")
 def chain(problem: Problem) -> list[Fit]:
-    return joint_fit(problem, screened(problem), [[]], 3.0)
+    return chain_of(problem, screened(problem))
 
 
 def test_large_causes_are_fitted_together(problem: Problem, chain: list[Fit]) -> None:
@@ -130,7 +136,7 @@ def test_a_servo_that_is_fifty_times_weaker_is_predicted_to_the_noise(
     monkeypatch.setattr(weak.replayer, "residuals", diverging)
     monkeypatch.setattr(weak.replayer, "residual", lambda one: diverging([one])[0])
 
-    best = joint_fit(weak, screens, [[]], 3.0)[-1]
+    best = chain_of(weak, screens)[-1]
 
     # What every good model may have is no cause.
     assert not any(is_tolerable(*part) for part in best.hypothesis)
@@ -162,7 +168,7 @@ def test_too_many_parameters_are_not_fitted_together(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("reality_gap.inference.joint_fit.MOST", 3)
-    assert joint_fit(problem, screened(problem), [[]], 3.0) == []
+    assert joint_fit(problem, screened(problem), [[]]) is None
 
 
 @pytest.mark.slow
@@ -172,7 +178,12 @@ def test_a_soft_servo_is_predicted_nearly_to_the_noise(tmp_path: Path) -> None:
     assert found.verdict.has_names
     assert {"position_gain", "coulomb_friction"} <= {c.candidate.cause.id for c in found.causes}
     assert found.rms_before > 50.0
-    assert found.rms_after < 3.0
+    values = {c.candidate.cause.id: c.parameters for c in found.causes}
+    gain = NOMINAL["kp"] * (1.0 + values["position_gain"]["excess"].value)
+    assert gain == pytest.approx(REAL["kp"], rel=0.15)
+    assert values["coulomb_friction"]["friction"].value == pytest.approx(REAL["friction"], rel=0.1)
+    assert found.calibration is not None
+    assert found.calibration.rms < 2.0
 
 
 def test_it_replaces_causes_that_leave_much(problem: Problem) -> None:
@@ -186,6 +197,29 @@ def test_it_replaces_causes_that_leave_much(problem: Problem) -> None:
     assert np.mean(found.best.residual**2) < 0.2 * np.mean(first.best.residual**2)
     little = replace(first, best=found.best)
     assert JointSearch(Settings()).after(problem, little) is little
+
+
+def test_a_search_begins_with_it_where_it_leaves_little(
+    weak: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screens, joint = screened(weak), JointSearch(Settings())
+
+    found = search(weak, screens, Settings(), find_together=joint.instead)
+
+    assert float(np.sqrt(np.mean(found.best.residual**2))) < 1.5
+    values = {candidate.cause.id: v for candidate, v in found.best.hypothesis}
+    assert 1.0 + values["position_gain"]["excess"] == pytest.approx(0.02, rel=0.05)
+    assert [len(step.base.hypothesis) for step in found.steps] == list(range(len(found.steps)))
+    # It is done once, and its causes are taken only where a first cause leaves much.
+    monkeypatch.setattr("reality_gap.inference.joint_search.joint_fit", None)
+    first = search(weak, screens, Settings(most=1)).steps[0]
+    taken = joint.instead(weak, screens, first)
+    assert taken is not None
+    assert taken.best.candidates == found.best.candidates
+    small = replace(first, tried=(taken.best, *first.tried))
+    assert joint.instead(weak, screens, small) is None
+    monkeypatch.setattr("reality_gap.inference.joint_search.LITTLE", 0.5)
+    assert joint.instead(weak, screens, first) is None
 
 
 def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem, chain: list[Fit]) -> None:
