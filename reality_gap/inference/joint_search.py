@@ -65,9 +65,8 @@ class JointSearch:
     def after(self, plain: Problem, result: Search) -> Search:
         """Return a search with a joint fit, whose causes replace its own if they are much likelier.
 
-        There is one where causes leave many noises, also if these are within tolerances: those
-        explain much where wrong causes with many parameters imitate several. Its causes must be
-        likelier with tolerances and without them.
+        There is one where causes leave many noises that tolerances do not explain. Its causes must
+        be likelier with tolerances and without them.
 
         Args:
             plain: the problem without inflation.
@@ -75,7 +74,8 @@ class JointSearch:
         """
         if self._chain:
             result = replace(result, joint=self._chain[-1].hypothesis)
-        if _left(result.best) < FAR or result.stop is not None or not result.steps:
+        far = result.problem.noise_model.is_far and _left(result.best) > FAR
+        if not far or result.stop is not None or not result.steps:
             return result
         singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
         start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
