@@ -74,9 +74,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "sensor" or len(location.elements) == len(commanded(system.model)):
         early, secants = -EARLIEST, (*(-s for s in SECANTS), *SECANTS)
     hints = SearchHints(secants=secants, nearby=NEARBY)
-    # Commands act in shares of a step, but readings are interpolated between steps.
-    of_sensor = location.kind == "sensor"
-    least = float(system.model.opt.timestep) if of_sensor else clocks.least_delay(system)
+    least = clocks.least_delay(system)
     return (Parameter("delay", "s", 0.004, 0.00005, early, 0.5, hints=hints, least=least),)
 
 

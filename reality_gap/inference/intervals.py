@@ -3,7 +3,8 @@
 Where the fit is linear, the profile of the log likelihood along a parameter is a parabola. It is
 checked by one replay on either side, at 1.96 standard deviations, with the other parameters moved
 along the covariance. The end of the interval is moved to where the parabola through that replay
-falls by 1.92, half the 95 % quantile of chi-square.
+falls by 1.92, half the 95 % quantile of chi-square; by more where blocks of the log show that the
+variance is larger than that by noise (see `reality_gap.inference.posteriors`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.gauss_newton import Fit, Objective, Point
-from reality_gap.inference.posteriors import joint_covariance
+from reality_gap.inference.posteriors import covariance_by_noise, joint_covariance
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import free_parameters, with_theta
 from reality_gap.types import Floats
@@ -36,8 +37,9 @@ def intervals(problem: Problem, best: Fit) -> list[dict[str, Estimate]]:
 
 def _ends(problem: Problem, best: Fit) -> Floats:
     """Return both ends of the interval of theta, shape (p, 2)."""
-    covariance = joint_covariance(problem, best)
-    deviation = np.sqrt(np.diag(covariance))
+    covariance = covariance_by_noise(problem, best)
+    variance = np.diag(joint_covariance(problem, best))
+    deviation, drop = np.sqrt(variance), DROP * variance / np.diag(covariance)
     ends = np.empty((len(deviation), 2))
     trials = []
     for j in range(len(deviation)):
@@ -51,7 +53,7 @@ def _ends(problem: Problem, best: Fit) -> Floats:
     for i, (theta, residual) in enumerate(zip(trials, residuals, strict=True)):
         j, side = divmod(i, 2)
         fall = objective.cost(Point(theta, residual)) - base
-        usable = np.isfinite(fall) and fall > 0.1 * DROP
-        stretch = np.clip(np.sqrt(DROP / fall), 0.3, 3.0) if usable else 3.0
+        usable = np.isfinite(fall) and fall > 0.1 * drop[j]
+        stretch = np.clip(np.sqrt(drop[j] / fall), 0.3, 3.0) if usable else 3.0
         ends[j, side] = best.theta[j] + stretch * (theta[j] - best.theta[j])
     return ends

@@ -1,7 +1,11 @@
 """Posteriors: the hypotheses that the data leave, with weights and covariances.
 
-Near an estimate the fit is linear, so that theta has a Gaussian whose information is J'J + P'P,
-with whitened slopes J and prior weights P. A cause that the data cannot distinguish from others is
+Near an estimate the fit is linear, so that theta has a Gaussian whose information is A = J'J + P'P,
+with whitened slopes J and prior weights P. Where the form of the causes is not exactly right, what
+they leave pulls theta another way in each part of a log, by more than noise would. With the
+whitened remainder e, the scores of the blocks b of a log are g_b = J_b' e_b, and the covariance is
+that of the sandwich, A^-1 (sum of g_b g_b') A^-1 (White 1980, Liang and Zeger 1986), where it is
+larger. A cause that the data cannot distinguish from others is
 replaced by each of them; the weights are the tempered probabilities of `Alternatives`.
 """
 
@@ -19,6 +23,7 @@ from reality_gap.inference.theta import GOOD, free_parameters, prior_weights, to
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.posterior import Branch, normalised
 from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.study.splits import blocks
 from reality_gap.types import Floats
 
 MOST = 64
@@ -26,7 +31,24 @@ MOST = 64
 
 
 def joint_covariance(problem: Problem, fitted: Fit) -> Floats:
-    """Return the covariance of theta in the linearised fit, shape (p, p)."""
+    """Return the covariance of theta, shape (p, p), by noise or by what blocks of the log show.
+
+    It is the larger one in each direction.
+    """
+    covariance = covariance_by_noise(problem, fitted)
+    noise_model = problem.noise_model
+    columns, left = noise_model.whiten(fitted.jacobian), noise_model.whiten(fitted.residual)
+    block = blocks(problem.measured)[noise_model.whiten.use]
+    scores = np.zeros((int(block.max()) + 1, columns.shape[1]))
+    np.add.at(scores, block, columns * left[:, None])
+    triangle = np.linalg.cholesky(covariance)
+    size, directions = np.linalg.eigh(triangle.T @ (scores.T @ scores) @ triangle)
+    root = triangle @ directions * np.sqrt(np.maximum(1.0, size))
+    return np.asarray(root @ root.T, dtype=np.float64)
+
+
+def covariance_by_noise(problem: Problem, fitted: Fit) -> Floats:
+    """Return the covariance of theta in the linearised fit of a right model, shape (p, p)."""
     weights, columns = prior_weights(fitted.hypothesis), problem.noise_model.whiten(fitted.jacobian)
     information = columns.T @ columns + np.diag(weights**2) + 1e-12 * np.eye(len(weights))
     return np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -22,7 +22,13 @@ from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.posteriors import joint_covariance, search_branches, tolerance_branch
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.posteriors import (
+    covariance_by_noise,
+    joint_covariance,
+    search_branches,
+    tolerance_branch,
+)
 from reality_gap.inference.theta import GOOD, theta_bounds, to_theta
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.posterior import Branch, Posterior, TruncatedGaussian
@@ -37,6 +43,8 @@ from reality_gap.report.posterior_file import (
 )
 from reality_gap.simulation.hypothesis import Candidate, Part
 from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.measurements import BLOCK, Measured
+from reality_gap.study.splits import blocks
 from reality_gap.study.system import System, compile_system
 
 Make = Callable[[Verdict], Diagnosis]
@@ -161,8 +169,15 @@ def linear_fit(parts: list[Part], jacobian: np.ndarray) -> Fit:
     return Fit(parts, np.zeros(len(jacobian)), jacobian, to_theta(parts), 10.0)
 
 
-PROBLEM: Any = SimpleNamespace(noise_model=SimpleNamespace(whiten=lambda residual: residual))
-"""A problem whose readings have independent noise."""
+def problem_of(count: int, in_block: int = 2) -> Any:
+    """A problem whose readings have independent noise, some in each block of the log."""
+    none = np.zeros(count, dtype=np.int64)
+    time = BLOCK * (np.arange(count) + 0.5) / in_block
+    measured = Measured(
+        np.zeros(count), np.ones(count), none, none, time, np.zeros((0, 4), dtype=np.int64)
+    )
+    noise_model = independent_noise(measured, np.zeros((count, 0)))
+    return SimpleNamespace(noise_model=noise_model, measured=measured)
 
 
 def alternatives(own: Fit, others: list[tuple[Fit, float]], index: int) -> Alternatives:
@@ -196,7 +211,10 @@ def test_branches_are_the_causes_and_their_equivalents(system: System, parts: li
         alternatives(best, [(second, 0.25), (unlikely, 0.02)], 1),
     ]
 
-    branches = search_branches(PROBLEM, best, found)
+    problem = problem_of(50)
+    used = slopes[problem.noise_model.whiten.use]
+
+    branches = search_branches(problem, best, found)
 
     weights = {
         tuple(c.cause.id + " " + c.location.elements[0] for c, _ in b.hypothesis): b.weight
@@ -215,7 +233,7 @@ def test_branches_are_the_causes_and_their_equivalents(system: System, parts: li
         assert branch.covariance.shape == (2, 2)
         np.testing.assert_allclose(
             np.sort(np.linalg.eigvalsh(branch.covariance)),
-            np.sort(np.linalg.eigvalsh(np.linalg.inv(slopes.T @ slopes))),
+            np.sort(np.linalg.eigvalsh(np.linalg.inv(used.T @ used))),
             rtol=0.05,
         )
 
@@ -224,12 +242,38 @@ def test_the_covariance_is_that_of_the_linear_fit(parts: list[Part]) -> None:
     """Readings y = J theta + noise, fitted again and again, spread like the samples."""
     random = np.random.default_rng(3)
     slopes = random.standard_normal((40, 2)) * [3.0, 1.0] + [[0.0, 0.5]]
-    covariance = joint_covariance(PROBLEM, linear_fit(parts, slopes))
+    problem = problem_of(40)
+    covariance = joint_covariance(problem, linear_fit(parts, slopes))
 
-    noise = random.standard_normal((40, 5000))
-    spread = np.cov(np.linalg.lstsq(slopes, noise, rcond=None)[0])
+    used = slopes[problem.noise_model.whiten.use]
+    noise = random.standard_normal((len(used), 5000))
+    spread = np.cov(np.linalg.lstsq(used, noise, rcond=None)[0])
 
     np.testing.assert_allclose(covariance, spread, rtol=0.1, atol=2e-4)
+
+
+@pytest.mark.parametrize(("wrong", "factor"), [(0.0, 1.0), (2.0, 9.0)])
+def test_the_covariance_is_as_large_as_blocks_of_the_log_differ(
+    parts: list[Part], wrong: float, factor: float
+) -> None:
+    """In each block, a wrong form pulls the first parameter another way."""
+    random, problem = np.random.default_rng(4), problem_of(800, 10)
+    use, block = problem.noise_model.whiten.use, blocks(problem.measured)
+    slopes = 0.3 * random.standard_normal((800, 2))
+    estimates, variances = [], []
+    for _ in range(200):
+        error = wrong * random.standard_normal(block.max() + 1)[block] * slopes[:, 0]
+        readings = random.standard_normal(800) + error
+        theta = np.linalg.lstsq(slopes[use], readings[use], rcond=None)[0]
+        fitted = replace(linear_fit(parts, slopes), residual=readings - slopes @ theta)
+        estimates.append(theta)
+        variances.append(np.diag(joint_covariance(problem, fitted)))
+
+    spread, expected = np.var(estimates, axis=0), np.mean(variances, axis=0)
+    by_noise = np.diag(covariance_by_noise(problem, fitted))
+    assert spread[0] > 0.5 * factor * by_noise[0]
+    assert 0.8 * spread[0] < expected[0] < 1.5 * spread[0]
+    assert np.all(expected >= by_noise)
 
 
 @pytest.fixture

@@ -176,6 +176,23 @@ def test_a_deviation_that_every_good_model_has_is_no_cause(
         assert (rescore(problem, fit).evidence <= 0.0) is tolerable
 
 
+@pytest.mark.parametrize(
+    ("cause", "kind", "parameter"),
+    [("delay", "sensor", "delay"), ("actuator_lag", "actuator", "time_constant")],
+)
+def test_clocks_of_readings_and_filters_deviate_by_as_little(
+    tmp_path: Path, cause: str, kind: str, parameter: str
+) -> None:
+    study = elbow_study(tmp_path)
+    step, system = study.spec().option.timestep, compile_system(study)
+    locations = [one for one in CATALOGUE[cause].locations(system) if one.kind == kind]
+    assert locations
+    for one in (candidate(study, cause, kind, len(each.elements)) for each in locations):
+        values = one.null_values()
+        assert is_tolerable(one, values | {parameter: 0.5 * step})
+        assert not is_tolerable(one, values | {parameter: 0.7 * step})
+
+
 def test_causes_that_explain_anything_a_little_need_more_evidence(tmp_path: Path) -> None:
     study = arm_study(tmp_path)
     push = candidate(study, "external_force", "body", 1)
