@@ -10,7 +10,7 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import clocks, elements
+from reality_gap.causes.support import elements
 from reality_gap.causes.support.force_lag import ForceLag
 from reality_gap.study.system import System
 
@@ -41,9 +41,8 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    least = clocks.least_delay(system)
-    # A time step does not resolve a faster filter.
-    low = min(0.0, float(system.model.opt.timestep) - _modelled(system, location))
+    least = float(system.model.opt.timestep)  # which does not resolve a faster filter
+    low = min(0.0, least - _modelled(system, location))
     sizes = SECANTS if low == 0.0 else (*SECANTS, low / 2)
     hints = SearchHints(secants=elements.secants(system, location, sizes), absence=low < 0.0)
     return (Parameter("time_constant", "s", 0.004, 0.0001, low, 0.5, hints=hints, least=least),)
