@@ -20,8 +20,10 @@ from reality_gap.inference.joint_fit import USUAL, eliminated, joint_fit
 from reality_gap.inference.joint_search import JointSearch
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
+from reality_gap.inference.relinearisation import relinearised
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.inference.theta import is_tolerable
+from reality_gap.inference.tolerances import list_tolerances, tolerance_columns
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.splits import REPORT, split
@@ -237,3 +239,36 @@ def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem, chain: lis
     gain = NOMINAL["kp"] * (1.0 + values["position_gain"]["excess"])
     assert model.actuator("servo").gainprm[0] == pytest.approx(gain, rel=1e-4)
     assert calibrate(problem, joint.hypothesis, [], []) is None
+
+
+@pytest.mark.parametrize("gain", [0.02, 1.6])
+def test_tolerances_of_forces_are_as_large_as_a_servo_is_strong(
+    tmp_path: Path, gain: float
+) -> None:
+    ids = ("position_gain", "force_offset", "coulomb_friction", "viscous_friction", "joint_offset")
+    with Replayer(soft_servo(tmp_path, seconds=4.0)) as replayer:
+        null = replayer.residual([])
+        candidates = list_candidates(replayer.system, [CATALOGUE[id] for id in ids])
+        tolerances = list(list_tolerances(screen(replayer, candidates, null)))
+        columns = tolerance_columns(replayer, tolerances, null)
+        noise_model = independent_noise(replayer.measured, columns)
+        problem = Problem(replayer, null, noise_model, 1.0, tolerances)
+        [one] = [t.candidate for t in tolerances if t.candidate.cause.id == "position_gain"]
+        hypothesis = [(one, {"excess": gain - 1.0})]
+        residual = replayer.residual(hypothesis)
+        fitted = Fit(hypothesis, residual, np.zeros((len(residual), 1)), np.zeros(1), 0.0)
+
+        found = relinearised(problem, fitted)
+
+        assert found is not None
+        for i, one in enumerate(tolerances):
+            if one.candidate.cause.id == "position_gain":
+                continue
+            beside = fitted.residual - replayer.residual([one.deviation(0.1), *hypothesis])
+            size = float(np.linalg.norm(10.0 * beside))
+            own = float(np.linalg.norm(found.noise_model.tolerances[:, i]))
+            before = float(np.linalg.norm(columns[:, i]))
+            assert min(size, gain * size) * 0.99 <= own <= max(size, gain * size) * 1.01
+            if gain < 1.0 and one.candidate.cause.id == "force_offset":
+                assert size > 20.0 * before
+                assert own < 1.5 * before
