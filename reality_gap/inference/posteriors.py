@@ -41,17 +41,20 @@ def joint_covariance(problem: Problem, fitted: Fit) -> Floats:
     block = blocks(problem.measured)[noise_model.whiten.use]
     scores = np.zeros((int(block.max()) + 1, columns.shape[1]))
     np.add.at(scores, block, columns * left[:, None])
-    triangle = np.linalg.cholesky(covariance)
-    size, directions = np.linalg.eigh(triangle.T @ (scores.T @ scores) @ triangle)
-    root = triangle @ directions * np.sqrt(np.maximum(1.0, size))
-    return np.asarray(root @ root.T, dtype=np.float64)
+    variance, axes = np.linalg.eigh(covariance)
+    root = axes * np.sqrt(np.maximum(variance, 0.0))
+    # In units of the noise's deviations; no direction becomes more certain.
+    size, directions = np.linalg.eigh(root.T @ (scores.T @ scores) @ root)
+    wider = root @ directions * np.sqrt(np.maximum(1.0, size))
+    return np.asarray(wider @ wider.T, dtype=np.float64)
 
 
 def covariance_by_noise(problem: Problem, fitted: Fit) -> Floats:
     """Return the covariance of theta in the linearised fit of a right model, shape (p, p)."""
     weights, columns = prior_weights(fitted.hypothesis), problem.noise_model.whiten(fitted.jacobian)
     information = columns.T @ columns + np.diag(weights**2) + 1e-12 * np.eye(len(weights))
-    return np.asarray(np.linalg.inv(information), dtype=np.float64)
+    found = np.linalg.inv(information)
+    return np.asarray(0.5 * (found + found.T), dtype=np.float64)
 
 
 def search_branches(

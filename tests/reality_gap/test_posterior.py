@@ -22,6 +22,7 @@ from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.intervals import intervals
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.posteriors import (
     covariance_by_noise,
@@ -29,7 +30,7 @@ from reality_gap.inference.posteriors import (
     search_branches,
     tolerance_branch,
 )
-from reality_gap.inference.theta import GOOD, theta_bounds, to_theta
+from reality_gap.inference.theta import GOOD, theta_bounds, to_theta, with_theta
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.posterior import Branch, Posterior, TruncatedGaussian
 from reality_gap.report.extended_model import load_extended
@@ -274,6 +275,32 @@ def test_the_covariance_is_as_large_as_blocks_of_the_log_differ(
     assert spread[0] > 0.5 * factor * by_noise[0]
     assert 0.8 * spread[0] < expected[0] < 1.5 * spread[0]
     assert np.all(expected >= by_noise)
+
+
+@pytest.mark.parametrize("wrong", [0.0, 2.0])
+def test_intervals_are_as_wide_as_blocks_of_the_log_differ(parts: list[Part], wrong: float) -> None:
+    random, problem = np.random.default_rng(5), problem_of(800, 10)
+    slopes = 3.0 * random.standard_normal((800, 2))
+    block = blocks(problem.measured)
+    error = wrong * random.standard_normal(block.max() + 1)[block] * slopes[:, 0]
+    readings = random.standard_normal(800) + error + slopes @ to_theta(parts)
+    use = problem.noise_model.whiten.use
+    theta = np.linalg.lstsq(slopes[use], readings[use], rcond=None)[0]
+
+    def residuals(hypotheses: list[list[Part]]) -> list[np.ndarray]:
+        return [readings - slopes @ to_theta(one) for one in hypotheses]
+
+    problem.replayer = SimpleNamespace(residuals=residuals)
+    best = linear_fit(with_theta(parts, theta), slopes)
+    best = replace(best, residual=readings - slopes @ theta)
+
+    found = [one for each in intervals(problem, best) for one in each.values()]
+
+    scale = [abs(candidate.parameters[0].scale) for candidate, _ in parts]
+    wide = np.sqrt(np.diag(joint_covariance(problem, best))) * scale
+    for one, deviation in zip(found, wide, strict=True):
+        assert one.low < one.value < one.high
+        assert 0.5 * (one.high - one.low) == pytest.approx(1.96 * deviation, rel=0.05)
 
 
 @pytest.fixture
