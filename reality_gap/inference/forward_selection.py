@@ -136,8 +136,10 @@ class Search:
         revised: steps in which earlier causes were replaced; see `revise`.
         stop: a stop that explains more than the last cause, with which the search ended.
         relinearised: whether the slopes of tolerances are those beside the causes.
-        joint: a joint fit, if the model is wrong by many noises beside the causes; see `joint_fit`.
-        together: whether the causes are those of the joint fit.
+        joint: a joint fit, if the model is wrong by many noises beside a first cause and the search
+            begins with it, or beside all causes; see `joint_fit`.
+        together: whether the causes are those of a joint fit at the end, beside which no others
+            were tried.
     """
 
     problem: Problem
@@ -156,12 +158,15 @@ class Search:
         return tuple(f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE)
 
     def step_beside(self, others: Hypothesis) -> Step | None:
-        """Return the step that tried candidates beside exactly these others, if there is one."""
+        """Return the step that tried candidates beside exactly these others, if there is one.
+
+        A step of a joint fit tried one only.
+        """
         candidates = [other for other, _ in others]
         for step in (*self.steps, *self.revised):
             base = step.base.candidates
             same = all(any(s.matches(b) for b in base) for s in candidates)
-            if len(base) == len(candidates) and same:
+            if len(step.tried) > 1 and len(base) == len(candidates) and same:
                 return step
         return None
 
@@ -212,7 +217,7 @@ def search(
             step; the search goes on beside the causes that it returns.
         relinearise: whether slopes of tolerances may become those beside the causes.
     """
-    plain, best, near = problem, null_fit(problem), sensitivities
+    nominal, plain, best, near = problem, problem, null_fit(problem), sensitivities
     steps, stop, is_bent = list[Step](), None, False
     while len(steps) < settings.most:
         beside = _anticipate(plain, problem, near, best)
@@ -234,7 +239,7 @@ def search(
             stop = refuting_stop(plain, step.base, best if step.accepted else None)
         if stop is not None or not step.accepted:
             break
-        beside_best = relinearised(plain, best) if relinearise else None
+        beside_best = relinearised(nominal, best) if relinearise else None
         if beside_best is not None:
             plain, is_bent = beside_best, True
             problem = plain.inflated(best.residual)

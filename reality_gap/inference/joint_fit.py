@@ -121,13 +121,15 @@ def _best(problem: Problem, starts: Sequence[Hypothesis]) -> Fit:
     An offset can take the place of gravity, which alone shows how large all forces are if a servo
     moves the machine: it is freed last.
     """
-    offset = [part for part in starts[0] if part[0].cause.id == OFFSET]
+    offsets = [[part for part in one if part[0].cause.id == OFFSET] for one in starts]
     anchored = [[part for part in one if part[0].cause.id != OFFSET] for one in starts]
     if not anchored[0]:
-        offset, anchored = [], [list(one) for one in starts]
-    tried = [_settled(problem, one, FIRST) for one in anchored]
-    tried.sort(key=lambda one: -one.raw_evidence)
-    more = [_settled(problem, [*one.hypothesis, *offset], MORE) for one in tried[:KEPT]]
+        offsets, anchored = [[] for _ in starts], [list(one) for one in starts]
+    tried = [
+        (_settled(problem, one, FIRST), own) for one, own in zip(anchored, offsets, strict=True)
+    ]
+    tried.sort(key=lambda pair: -pair[0].raw_evidence)
+    more = [_settled(problem, [*one.hypothesis, *own], MORE) for one, own in tried[:KEPT]]
     return max(more, key=lambda one: one.raw_evidence)
 
 

@@ -14,6 +14,7 @@ from reality_gap.inference.joint_fit import USUAL, eliminated, joint_fit
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
+from reality_gap.inference.theta import free_parameters
 
 LITTLE = 4.0
 """Mean square up to which a joint fit must explain a log to take the place of a search
@@ -60,7 +61,18 @@ class JointSearch:
             return None
         if not self._chain:
             self._chain = eliminated(plain, self._joint, self._settings.weak)
-        return self._likelier(plain, first, self._chain)
+        if _left(self._chain[-1]) > LITTLE:
+            return None
+        found = self._likelier(plain, first, self._chain)
+        needed = self._settings.weak * (len(self._chain) - 1) + step.needed
+        if found is None or sum(one.gain for one in found.steps) <= needed:
+            return None
+        begin, *further = found.steps
+        last = begin.tried[0].candidates[-1]
+        others = (one for one in step.tried if not one.candidates[-1].matches(last))
+        alike = tuple(rescore(found.problem, one) for one in (begin.tried[0], *others))
+        begin = replace(begin, tried=alike, needed=step.needed)
+        return found._replace(steps=(begin, *further))
 
     def after(self, plain: Problem, result: Search) -> Search:
         """Return a search with a joint fit, whose causes replace its own if they are much likelier.
@@ -80,7 +92,7 @@ class JointSearch:
         singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
         start = [*(part for f in singles[:1] for part in f.hypothesis), *result.best.hypothesis]
         starts = [start, *([self._joint.hypothesis] if self._joint else [])]
-        joint = joint_fit(plain, result.sensitivities, starts, widely=not self._is_done)
+        joint = joint_fit(plain, result.sensitivities, starts, widely=self._joint is None)
         if joint is None:
             return result
         chain = eliminated(plain, joint, self._settings.weak)
@@ -98,15 +110,35 @@ class JointSearch:
         gain = chain[-1].evidence - profile(bare, best).evidence
         if gain <= settings.threshold + settings.weak * added:
             return None
-        steps = tuple(
-            Step(base, (fitted,), fitted.evidence - base.evidence, settings.weak)
-            for base, fitted in itertools.pairwise([profile(bare, null_fit(plain)), *chain])
-        )
+        bases = [profile(bare, null_fit(plain)), *chain]
         problem = plain.inflated(chain[-1].residual)
-        together = fit(problem, chain[-1].hypothesis)
+        steps, base = list[Step](), null_fit(plain)
+        for before, fitted in itertools.pairwise(bases):
+            more, own = fitted.evidence - before.evidence, _extending(base, fitted)
+            alike = (rescore(problem, own),)
+            steps.append(Step(rescore(problem, base), alike, more, settings.weak))
+            base = own
+        together = fit(problem, base.hypothesis)
         if together.evidence <= rescore(problem, best).evidence:
             return None
-        return Advance(problem, steps, together)
+        return Advance(problem, tuple(steps), together)
+
+
+def _extending(base: Fit, fitted: Fit) -> Fit:
+    """Return a fit with its causes in the order of the base, and the one that it adds last."""
+    old = [
+        next(i for i, one in enumerate(fitted.candidates) if one.matches(known))
+        for known in base.candidates
+    ]
+    order = [*old, *(i for i in range(len(fitted.candidates)) if i not in old)]
+    owner = np.array([i for i, _ in free_parameters(fitted.hypothesis)])
+    columns = np.concatenate([np.flatnonzero(owner == i) for i in order])
+    return replace(
+        fitted,
+        hypothesis=[fitted.hypothesis[i] for i in order],
+        jacobian=fitted.jacobian[:, columns],
+        theta=fitted.theta[columns],
+    )
 
 
 def _left(fitted: Fit) -> float:

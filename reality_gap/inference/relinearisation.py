@@ -17,11 +17,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from reality_gap.causes.support.joint_motors import motors_of
 from reality_gap.inference.expansion import DIFFERENCE, is_small
 from reality_gap.inference.gauss_newton import Fit, null_fit
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.tolerances import Tolerance, start_columns
 from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 BENT = 0.5
@@ -29,9 +31,9 @@ BENT = 0.5
 COMPARED = 3
 """How many slopes are compared, those of the tolerances with the largest effects."""
 STRENGTH = ("position_gain", "force_scale")
-"""Causes whose excess e makes a machine 1 + e times as strong."""
+"""Causes whose excess e makes a motor 1 + e times as strong."""
 WEAKEST = 1e-3
-"""Least strength of a machine over that of its model."""
+"""Least strength of a motor over that of its model."""
 
 
 def relinearised(problem: Problem, fitted: Fit) -> Problem | None:
@@ -63,7 +65,7 @@ def relinearised(problem: Problem, fitted: Fit) -> Problem | None:
         return None
     own = rough * _slopes(problem, [tolerances[i] for i in free], fitted)
     own[:, ~np.isfinite(own).all(axis=0)] = 0.0
-    own = _as_strong(own, columns[:, free], fitted.hypothesis)
+    own = _as_strong(problem, [tolerances[i] for i in free], own, columns[:, free], fitted)
     found = np.zeros_like(columns[:, : len(tolerances)])
     found[:, free] = own
     starts = [rough * column for column in start_columns(replayer, fitted.hypothesis)]
@@ -83,22 +85,43 @@ def _slopes(problem: Problem, tolerances: list[Tolerance], fitted: Fit) -> Float
     return np.column_stack([(fitted.residual - other) / DIFFERENCE for other in residuals])
 
 
-def _as_strong(own: Floats, nominal: Floats, hypothesis: Hypothesis) -> Floats:
-    """Return columns (n, p) with tolerances of forces as large as the machine is strong.
+def _as_strong(
+    problem: Problem, tolerances: list[Tolerance], own: Floats, nominal: Floats, fitted: Fit
+) -> Floats:
+    """Return columns (n, p) with tolerances of forces as large as their motors are strong.
 
-    Their effect does not become less, or more where it is stronger, than that beside the nominal
-    model.
+    Their effect does not become less, or more where a motor is stronger, than that beside the
+    nominal model.
 
     Args:
-        own: change of the readings by the tolerances of the nominal model beside the causes.
+        problem: what is to be explained.
+        tolerances: the p tolerances.
+        own: change of the readings by these beside the causes.
         nominal: the same beside the nominal model.
-        hypothesis: the causes.
+        fitted: the causes.
     """
-    excess = [v["excess"] for one, v in hypothesis if one.cause.id in STRENGTH]
-    strength = max(WEAKEST, 1.0 + min(excess, default=0.0))
+    strength = np.array([_strength(problem.system, one, fitted.hypothesis) for one in tolerances])
     before, now = np.linalg.norm(nominal, axis=0), np.linalg.norm(own, axis=0)
     factor = np.divide(before, now, out=np.ones_like(now), where=now > 0.0)
-    return own * np.clip(factor, min(1.0, strength), max(1.0, strength))
+    return own * np.clip(factor, np.minimum(1.0, strength), np.maximum(1.0, strength))
+
+
+def _strength(system: System, tolerance: Tolerance, hypothesis: Hypothesis) -> float:
+    """Return how strong the motors are that bear a force with a tolerance, over their model.
+
+    It is 1 for a tolerance of something else, such as a length or a mass.
+    """
+    location = tolerance.candidate.location
+    if not tolerance.parameter.unit.startswith("N"):
+        return 1.0
+    moved = set(location.elements if location.kind == "actuator" else ())
+    for joint in location.elements if location.kind == "joint" else ():
+        moved.update(motors_of(system, joint))
+    found = 1.0
+    for one, values in hypothesis:
+        if one.cause.id in STRENGTH and moved & set(one.location.elements):
+            found *= 1.0 + values["excess"]
+    return max(WEAKEST, found)
 
 
 def _is_bent(old: Floats, new: Floats) -> bool:

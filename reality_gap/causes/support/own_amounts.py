@@ -53,16 +53,19 @@ def _locations(cause: Cause, system: System) -> tuple[Location, ...]:
 def _parameters(cause: Cause, system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note != OWN:
         return cause.parameters(system, location)
-    amounts = (cause.parameters(system, one)[0] for one in single_locations(location))
+    amounts = (parameters[0] for _, parameters in _each(cause, system, location))
     return tuple(replace(p, name=name) for name, p in zip(location.elements, amounts, strict=True))
 
 
-@lru_cache(maxsize=64)
-def _parameters_of_single(
+@lru_cache(maxsize=8)
+def _each(
     cause: Cause, system: System, location: Location
-) -> tuple[Parameter, ...]:
-    """Return the parameters of the cause itself, which each model that is built needs again."""
-    return cause.parameters(system, location)
+) -> tuple[tuple[Location, tuple[Parameter, ...]], ...]:
+    """Return the single locations of one with the note `OWN`, with the parameters there.
+
+    Each model that is built needs them again.
+    """
+    return tuple((one, cause.parameters(system, one)) for one in single_locations(location))
 
 
 def _singles(
@@ -75,8 +78,7 @@ def _singles(
     if location.note != OWN:
         return [(location, values)]
     found = list[tuple[Location, Values]]()
-    for one in single_locations(location):
-        amount, *others = _parameters_of_single(cause, system, one)
+    for one, (amount, *others) in _each(cause, system, location):
         value = values[one.elements[0]]
         if value != amount.null:
             found.append((one, {amount.name: value} | {p.name: p.null for p in others}))
