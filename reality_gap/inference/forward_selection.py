@@ -160,15 +160,24 @@ class Search:
     def step_beside(self, others: Hypothesis) -> Step | None:
         """Return the step that tried candidates beside exactly these others, if there is one.
 
-        A step of a joint fit tried one only.
+        A step of a joint fit tried no other than its own cause.
         """
         candidates = [other for other, _ in others]
         for step in (*self.steps, *self.revised):
             base = step.base.candidates
             same = all(any(s.matches(b) for b in base) for s in candidates)
-            if len(step.tried) > 1 and len(base) == len(candidates) and same:
+            if len(base) == len(candidates) and same and self._tried_others(step):
                 return step
         return None
+
+    def _tried_others(self, step: Step) -> bool:
+        """Return whether any fit of a step has other causes than the best ones."""
+        best = self.best.candidates
+        return any(
+            len(one.candidates) != len(best)
+            or not all(any(c.matches(b) for b in best) for c in one.candidates)
+            for one in step.tried
+        )
 
 
 class Advance(NamedTuple):

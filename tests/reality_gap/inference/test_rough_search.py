@@ -49,7 +49,8 @@ def test_slopes_of_the_nominal_model_are_tried_where_much_is_left(
     monkeypatch.setattr(rough_search, "independent_noise", lambda *_: None)
     monkeypatch.setattr(rough_search, "Problem", lambda *_: None)
     monkeypatch.setattr(rough_search, "roughness", lambda *_: 1.0)
-    monkeypatch.setattr(rough_search, "with_joint_fit", lambda _, result, __: result)
+    joint = SimpleNamespace(instead=None, after=lambda _, result: result)
+    monkeypatch.setattr(rough_search, "JointSearch", lambda _: joint)
     replayer: Any = SimpleNamespace(measured=None)
 
     columns = np.zeros((COUNT, 0))
