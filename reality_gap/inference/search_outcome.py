@@ -35,6 +35,7 @@ from reality_gap.inference.support import Supported
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
+from reality_gap.study.system import measures_forces
 from reality_gap.types import Bools, Floats
 
 
@@ -204,6 +205,7 @@ def _measures(paying: Paying, remainder: Remainder) -> dict[str, float]:
         "causes": float(len(result.best.hypothesis)),
         "own_time_step": float(result.problem.replayer.own_step),
         "time_step": result.problem.replayer.step,
+        "forces_measured": float(measures_forces(result.problem.system)),
         "first": result.steps[0].tried[0].evidence if result.steps else 0.0,
         "refused": _refused(result),
         "learned": float(remainder.learned.evidence),

@@ -8,6 +8,7 @@ from reality_gap.report.formatting import capital, human, probability, rounded
 
 VISIBLE = 5.0
 """Residual, over that of the noise, from which on a report says what tolerances excuse."""
+GAIN, INERTIA = "position_gain", "kg m^2"
 MANY = 8
 """Number of elements above which a location is described by its note."""
 
@@ -30,7 +31,7 @@ def sentence(outcome: Outcome) -> str:
             f"Something is wrong that none of the known causes explains: {attempt}. "
             f"{_dependence(outcome)}"
         )
-    causes = " ".join(_cause(cause) for cause in outcome.causes)
+    causes = " ".join(_cause(cause) for cause in outcome.causes) + _proportion(outcome)
     if outcome.verdict is Verdict.NAMED:
         return causes + _gain(outcome)
     one = len(outcome.causes) == 1
@@ -73,6 +74,29 @@ def _cause(cause: NamedCause) -> str:
     where = location.note if len(location.elements) > MANY and location.note else str(location)
     confidence = f"confidence {probability(cause.confidence)}"
     return f"{capital(title)} at {where}: {numbers} ({confidence}{other})."
+
+
+def _proportion(outcome: Outcome) -> str:
+    """Return that forces are known relative to masses, where no force is measured.
+
+    A position servo moves the same with all masses and forces twice as large. Where only one of
+    these is named, all others are those of the model.
+    """
+    forces = [cause for cause in outcome.causes if _is_force(cause)]
+    gains = [cause for cause in forces if cause.candidate.cause.id == GAIN]
+    if len(forces) < 2 or not gains or outcome.measures.get("forces_measured", 1.0):
+        return ""
+    return (
+        " No force is measured: these gains and forces are known in proportion to the masses of "
+        "the model, and wrong by the same factor as those."
+    )
+
+
+def _is_force(cause: NamedCause) -> bool:
+    """Return whether a cause is a gain, a force, or an inertia."""
+    units = {estimate.unit for estimate in cause.parameters.values()}
+    force = any(unit.startswith("N") or unit == INERTIA for unit in units)
+    return force or cause.candidate.cause.id in (GAIN, "velocity_gain", "force_scale")
 
 
 def _gain(outcome: Outcome) -> str:

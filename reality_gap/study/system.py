@@ -11,6 +11,12 @@ import numpy as np
 
 from reality_gap.study.data import Study
 
+_SENSOR = mujoco.mjtSensor
+_FORCES = (
+    *(_SENSOR.mjSENS_ACTUATORFRC, _SENSOR.mjSENS_JOINTACTFRC, _SENSOR.mjSENS_TENDONACTFRC),
+    *(_SENSOR.mjSENS_FORCE, _SENSOR.mjSENS_TORQUE),
+)
+
 
 @dataclass(frozen=True)
 class ActuatedTendon:
@@ -162,3 +168,13 @@ def command_limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
 def column(model: mujoco.MjModel, actuator: str) -> int:
     """Return the index of an actuator's column in the commands."""
     return int(model.actuator_ctrladr[model.actuator(actuator).id])
+
+
+def measures_forces(system: System) -> bool:
+    """Return whether any force, torque or effort is measured.
+
+    If none is, a machine moves the same with all masses and forces twice as large.
+    """
+    kinds = {int(system.model.sensor(name).type[0]) for name in system.sensed}
+    efforts = any(one.kind == "effort" for one in system.study.channels)
+    return efforts or bool(kinds & {int(kind) for kind in _FORCES})

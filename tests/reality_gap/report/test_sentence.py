@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from reality_gap.causes import find_cause
 from reality_gap.diagnosis import STOP, Criterion, Diagnosis, Estimate, Gain, Verdict
 from reality_gap.inference.held_out import Score
 from reality_gap.inference.outcome import Outcome
@@ -49,6 +50,38 @@ def test_a_gain_in_likelihood_replaces_an_uncertain_gain(diagnosed: Make) -> Non
     uncertain = replace(diagnosed(Verdict.NAMED), gain=None, likelihood_gain=Gain(31.0, 20.0, 42.0))
 
     assert "is higher by 31 nats [20, 42]" in sentence(outcome_of(uncertain))
+
+
+@pytest.mark.parametrize(
+    ("ids", "measured", "expected"),
+    [
+        (("position_gain", "armature"), 0.0, True),
+        (("position_gain", "armature"), 1.0, False),
+        (("position_gain",), 0.0, False),
+        (("armature", "coulomb_friction"), 0.0, False),
+        (("position_gain", "joint_offset"), 0.0, False),
+    ],
+)
+def test_gains_and_forces_of_a_log_of_positions_are_relative_to_the_masses(
+    ids: tuple[str, ...], measured: float, expected: bool, diagnosed: Make
+) -> None:
+    units = {
+        "position_gain": ("excess", "1"),
+        "armature": ("inertia", "kg m^2"),
+        "coulomb_friction": ("friction", "N m"),
+        "joint_offset": ("offset", "rad"),
+    }
+    outcome, causes = outcome_of(diagnosed(Verdict.NAMED)), []
+    for id, (name, unit) in ((id, units[id]) for id in ids):
+        first = outcome.causes[0]
+        candidate = replace(first.candidate, cause=find_cause(id))
+        own = {name: Estimate(0.5, 0.4, 0.6, unit)}
+        causes.append(replace(first, candidate=candidate, parameters=own))
+    measures = {"forces_measured": measured}
+
+    found = sentence(replace(outcome, causes=tuple(causes), measures=measures))
+
+    assert ("in proportion to the masses of the model" in found) is expected
 
 
 def test_an_unexplained_error_has_a_dependence(diagnosed: Make) -> None:
