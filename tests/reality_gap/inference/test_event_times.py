@@ -139,14 +139,14 @@ def test_a_limit_that_was_never_reached_is_screened_and_fitted(tmp_path: Path) -
     ("id", "kind", "note", "least"),
     [
         ("delay", "actuator", "", 0.6),
-        ("delay", "sensor", "", 1.0),
+        ("delay", "sensor", "", 0.6),
         ("actuator_lag", "actuator", "of the command", 1.0),
     ],
 )
 def test_times_below_what_a_time_step_resolves_are_no_causes(
     tmp_path: Path, id: str, kind: str, note: str, least: float
 ) -> None:
-    """A delay of all commands by 0.77 steps is one; readings are interpolated between steps."""
+    """A delay of 0.77 steps is one; a step does not resolve a filter that is faster."""
     study = elbow_study(tmp_path)
     system, step = compile_system(study), study.spec().option.timestep
     found = [x for x in CATALOGUE[id].locations(system) if x.kind == kind and x.note == note]
@@ -174,24 +174,6 @@ def test_a_deviation_that_every_good_model_has_is_no_cause(
 
         assert is_tolerable(late, delay) is tolerable
         assert (rescore(problem, fit).evidence <= 0.0) is tolerable
-
-
-@pytest.mark.parametrize(
-    ("cause", "kind", "parameter", "least"),
-    [("delay", "sensor", "delay", 0.6), ("actuator_lag", "actuator", "time_constant", 1.0)],
-)
-def test_clocks_and_filters_deviate_in_every_good_model(
-    tmp_path: Path, cause: str, kind: str, parameter: str, least: float
-) -> None:
-    """An integrator is late by half a step, and does not resolve a filter that is faster."""
-    study = elbow_study(tmp_path)
-    step, system = study.spec().option.timestep, compile_system(study)
-    locations = [one for one in CATALOGUE[cause].locations(system) if one.kind == kind]
-    assert locations
-    for one in (candidate(study, cause, kind, len(each.elements)) for each in locations):
-        values = one.null_values()
-        assert is_tolerable(one, values | {parameter: 0.95 * least * step})
-        assert not is_tolerable(one, values | {parameter: 1.05 * least * step})
 
 
 def test_causes_that_explain_anything_a_little_need_more_evidence(tmp_path: Path) -> None:
