@@ -34,7 +34,8 @@ def across(axis: ArrayLike) -> tuple[Floats, Floats]:
     """Two unit vectors that make a right-handed frame with an axis: (first, second, axis)."""
     axis = unit(axis)
     least = np.zeros(3)
-    least[np.argmin(np.abs(axis))] = 1.0
+    # Of two that are equal but for rounding, which differs between processors, the first one.
+    least[np.argmin(np.round(np.abs(axis), 9))] = 1.0
     first = unit(np.cross(least, axis))
     return first, np.cross(axis, first)
 
