@@ -17,8 +17,7 @@ from reality_gap.inference.screening import Sensitivity
 from reality_gap.inference.theta import free_parameters
 
 LITTLE = 4.0
-"""Mean square up to which a joint fit must explain a log to take the place of a search
-[noise^2]."""
+"""Mean square that a joint fit leaves at most for a search to begin with it [noise^2]."""
 
 
 class JointSearch:
@@ -51,17 +50,17 @@ class JointSearch:
             None if a single cause leaves few noises, or if a joint fit leaves many.
         """
         first = step.tried[0]
-        if _left(first) < FAR:
+        if mean_square(first) < FAR:
             return None
         if not self._is_done:
             start = next((f for f in step.tried if f.candidates[-1].cause.id in USUAL), None)
             starts = [start.hypothesis if start else []]
             self._joint, self._is_done = joint_fit(plain, sensitivities, starts), True
-        if self._joint is None or _left(self._joint) > LITTLE:
+        if self._joint is None or mean_square(self._joint) > LITTLE:
             return None
         if not self._chain:
             self._chain = eliminated(plain, self._joint, self._settings.weak)
-        if _left(self._chain[-1]) > LITTLE:
+        if mean_square(self._chain[-1]) > LITTLE:
             return None
         found = self._likelier(plain, first, self._chain)
         needed = self._settings.weak * (len(self._chain) - 1) + step.needed
@@ -86,7 +85,7 @@ class JointSearch:
         """
         if self._chain:
             result = replace(result, joint=self._chain[-1].hypothesis)
-        far = result.problem.noise_model.is_far and _left(result.best) > FAR
+        far = result.problem.noise_model.is_far and mean_square(result.best) > FAR
         if not far or result.stop is not None or not result.steps:
             return result
         singles = [f for f in result.steps[0].tried if f.candidates[-1].cause.id in USUAL]
@@ -141,6 +140,6 @@ def _extending(base: Fit, fitted: Fit) -> Fit:
     )
 
 
-def _left(fitted: Fit) -> float:
+def mean_square(fitted: Fit) -> float:
     """Return the mean square of what causes leave [noise^2]."""
     return float(np.mean(fitted.residual**2))

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-import numpy as np
-
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.forward_selection import Search, Settings, search
 from reality_gap.inference.gauss_newton import Fit
-from reality_gap.inference.joint_search import JointSearch
+from reality_gap.inference.joint_search import JointSearch, mean_square
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.roughness import roughness
@@ -61,15 +59,10 @@ def search_roughly(
         result = run(known, joint.instead)
         if result.relinearised and result.problem.noise_model.variance.max() > MUCH:
             fixed = run(result.singles, joint.instead, relinearise=False)
-            result = min(result, fixed, key=lambda one: _left(one.best))
+            result = min(result, fixed, key=lambda one: mean_square(one.best))
         inflation = result.problem.noise_model.inflation
         own = result.problem.noise_model.tolerances / rough
         found = roughness(replayer.measured, own, result.best.residual, inflation)
         if found <= rough or result.stop is not None:
             return joint.after(problem, result)
         sensitivities, rough, known = result.sensitivities, found, result.singles
-
-
-def _left(fitted: Fit) -> float:
-    """Return the mean square of what causes leave [noise variances]."""
-    return float(np.mean(fitted.residual**2))

@@ -8,7 +8,9 @@ from reality_gap.report.formatting import capital, human, probability, rounded
 
 VISIBLE = 5.0
 """Residual, over that of the noise, from which on a report says what tolerances excuse."""
-GAIN, INERTIA = "position_gain", "kg m^2"
+GAIN = "position_gain"
+OF_MOTOR = (GAIN, "velocity_gain", "force_scale", "armature")
+"""Causes that scale with the forces of a machine, beside those whose parameters are forces."""
 MANY = 8
 """Number of elements above which a location is described by its note."""
 
@@ -93,10 +95,9 @@ def _proportion(outcome: Outcome) -> str:
 
 
 def _is_force(cause: NamedCause) -> bool:
-    """Return whether a cause is a gain, a force, or an inertia."""
-    units = {estimate.unit for estimate in cause.parameters.values()}
-    force = any(unit.startswith("N") or unit == INERTIA for unit in units)
-    return force or cause.candidate.cause.id in (GAIN, "velocity_gain", "force_scale")
+    """Return whether a cause is a gain, a force, or a rotor."""
+    force = any(estimate.unit.startswith("N") for estimate in cause.parameters.values())
+    return force or cause.candidate.cause.id in OF_MOTOR
 
 
 def _gain(outcome: Outcome) -> str:

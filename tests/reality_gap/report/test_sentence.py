@@ -57,6 +57,7 @@ def test_a_gain_in_likelihood_replaces_an_uncertain_gain(diagnosed: Make) -> Non
     [
         (("position_gain", "armature"), 0.0, True),
         (("position_gain", "armature"), 1.0, False),
+        (("position_gain", "coulomb_friction"), 0.0, True),
         (("position_gain",), 0.0, False),
         (("armature", "coulomb_friction"), 0.0, False),
         (("position_gain", "joint_offset"), 0.0, False),
@@ -67,7 +68,7 @@ def test_gains_and_forces_of_a_log_of_positions_are_relative_to_the_masses(
 ) -> None:
     units = {
         "position_gain": ("excess", "1"),
-        "armature": ("inertia", "kg m^2"),
+        "armature": ("inertia", "kg"),  # of a slide
         "coulomb_friction": ("friction", "N m"),
         "joint_offset": ("offset", "rad"),
     }
