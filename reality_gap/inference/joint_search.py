@@ -113,7 +113,7 @@ class JointSearch:
         problem = plain.inflated(chain[-1].residual)
         steps, base = list[Step](), null_fit(plain)
         for before, fitted in itertools.pairwise(bases):
-            more, own = fitted.evidence - before.evidence, _extending(base, fitted)
+            more, own = fitted.evidence - before.evidence, extending(base, fitted)
             alike = (rescore(problem, own),)
             steps.append(Step(rescore(problem, base), alike, more, settings.weak))
             base = own
@@ -123,7 +123,7 @@ class JointSearch:
         return Advance(problem, tuple(steps), together)
 
 
-def _extending(base: Fit, fitted: Fit) -> Fit:
+def extending(base: Fit, fitted: Fit) -> Fit:
     """Return a fit with its causes in the order of the base, and the one that it adds last."""
     old = [
         next(i for i, one in enumerate(fitted.candidates) if one.matches(known))

@@ -15,10 +15,10 @@ from reality_gap import CATALOGUE, Options, Study, diagnose, load_study
 from reality_gap.inference.calibration import calibrate
 from reality_gap.inference.descent import descend
 from reality_gap.inference.equivalence import alternatives
-from reality_gap.inference.forward_selection import Settings, search
+from reality_gap.inference.forward_selection import Search, Settings, Step, search
 from reality_gap.inference.gauss_newton import Fit, fit
 from reality_gap.inference.joint_fit import USUAL, eliminated, joint_fit
-from reality_gap.inference.joint_search import JointSearch
+from reality_gap.inference.joint_search import JointSearch, extending
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.relinearisation import relinearised
@@ -229,6 +229,26 @@ def test_a_search_begins_with_it_where_it_leaves_little(
     assert joint.instead(weak, screens, small) is None
     monkeypatch.setattr("reality_gap.inference.joint_search.LITTLE", 0.5)
     assert joint.instead(weak, screens, first) is None
+
+
+def test_a_step_adds_its_cause_last_and_is_no_alternative_to_it(problem: Problem) -> None:
+    each = {one.candidate.cause.id: one.candidate for one in screened(problem)}
+    friction, gain = each["coulomb_friction"], each["position_gain"]
+    added, count = [(friction, friction.null_values()), (gain, {"excess": -0.5})], 4
+    theta = np.arange(len(friction.parameters) + 1.0)
+    none = np.zeros(count)
+    fitted = Fit(added, none, np.tile(theta, (count, 1)), theta, 1.0)
+    base = Fit(added[1:], none, np.full((count, 1), theta[-1]), theta[-1:], 0.5)
+
+    found = extending(base, fitted)
+
+    assert found.candidates == (gain, friction)
+    np.testing.assert_array_equal(found.theta, np.roll(theta, 1))
+    np.testing.assert_array_equal(found.jacobian[0], np.roll(theta, 1))
+    other = replace(found, hypothesis=[*added[1:], (each["armature"], {"inertia": 0.01})])
+    for tried, expected in (((found,), False), ((found, other), True), ((other,), True)):
+        result = Search(problem, (Step(base, tried, 9.0, 3.0),), found, ())
+        assert (result.step_beside(base.hypothesis) is not None) is expected
 
 
 def test_a_calibrated_model_begins_at_the_joint_fit(problem: Problem, chain: list[Fit]) -> None:
