@@ -336,10 +336,12 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     needed = settings.needed(base, profiled) + error
     if base.is_null:
         needed += problem.handicaps[profiled]
-    tried = special_cases_first(tried, settings, profiled)
     if profiled:
+        tolerant = [rescore(problem, f).evidence for f in tried]
+        tried = special_cases_first(tried, settings, profiled, tolerant)
         alike = tuple(rescore(problem, f) for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
+    tried = special_cases_first(tried, settings, profiled)
     without = evidence_without(base.evidence, tried)
     if tried[0].evidence - without > needed:
         tried = special_cases_first(polish(problem, tried, base), settings, profiled)
@@ -347,22 +349,32 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     return Step(base, tried, tried[0].evidence - without, needed)
 
 
-def special_cases_first(tried: Sequence[Fit], settings: Settings, far: bool) -> tuple[Fit, ...]:
+def special_cases_first(
+    tried: Sequence[Fit],
+    settings: Settings,
+    far: bool,
+    tolerant: Sequence[float] = (),
+) -> tuple[Fit, ...]:
     """Return fits with a special case of the first one before it, if that does not add enough.
 
     It must add to the special case what a further cause must add: where the form of both is not
-    exactly right, the more general one is always a little better.
+    exactly right, the more general one is always a little better. Without tolerances the general
+    one also explains what they would, as masses of all links do where one link is too heavy; the
+    special case comes first, too, if it is likelier with them.
 
     Args:
         tried: fits with one candidate more each, best first.
         settings: thresholds.
         far: whether the model is wrong by many noises.
+        tolerant: evidence of each with tolerances, if ``tried`` has it without them [nats].
     """
-    for one in tried[1:]:
+    evidence = tolerant or [f.evidence for f in tried]
+    for one, likely in zip(tried[1:], evidence[1:], strict=True):
         first, other = tried[0], one.candidates[-1]
         if not first.candidates[-1].includes(other):
             continue
-        if first.evidence - one.evidence < settings.needed(one, far):
+        little = first.evidence - one.evidence < settings.needed(one, far)
+        if little or likely > evidence[0]:
             return (one, *(f for f in tried if f is not one))
     return tuple(tried)
 

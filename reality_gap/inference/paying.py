@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reality_gap.diagnosis import Criterion, Gain
+from reality_gap.diagnosis import Criterion, Estimate, Gain
 from reality_gap.inference.deviations import deviations
 from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import SWAP, Search
@@ -192,6 +192,32 @@ def held_out_test(result: Search) -> Tested:
     each = tuple(gains(one) for one in without)
     total = each[0] if len(each) == 1 else gains(null)
     return Tested(total, each, without, scored.improvement)
+
+
+def beside_dropped(
+    estimates: Sequence[dict[str, Estimate]], paying: Paying
+) -> list[dict[str, Estimate]]:
+    """Return estimates of the causes whose intervals also hold their values beside dropped causes.
+
+    A cause that was dropped although it predicts better stands for something that acts on the
+    machine and has no name. Without it, the others bear its part.
+
+    Args:
+        estimates: the parameters of each cause, by name.
+        paying: the causes.
+    """
+    if not any(one.gains.pays for one in paying.dropped):
+        return list(estimates)
+    found = list[dict[str, Estimate]]()
+    for candidate, own in zip(paying.result.best.candidates, estimates, strict=True):
+        beside = next((v for c, v in paying.attempt.hypothesis if c.matches(candidate)), {})
+        found.append({n: _with(one, beside.get(n, one.value)) for n, one in own.items()})
+    return found
+
+
+def _with(estimate: Estimate, value: float) -> Estimate:
+    low, high = min(estimate.low, value), max(estimate.high, value)
+    return replace(estimate, low=low, high=high)
 
 
 def held_out_criteria(paying: Paying) -> tuple[Criterion, ...]:

@@ -27,7 +27,7 @@ from reality_gap.inference.intervals import intervals
 from reality_gap.inference.log_values import compare_logs
 from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
-from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
+from reality_gap.inference.paying import NO_GAIN, Paying, beside_dropped, held_out_criteria
 from reality_gap.inference.posteriors import search_branches
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder
@@ -153,7 +153,8 @@ def _named_causes(
 ) -> tuple[NamedCause, ...]:
     """Return the causes with intervals, the one that explains most first."""
     problem, best = paying.result.problem, paying.result.best
-    estimates, logs = intervals(problem, best), compare_logs(problem, best)
+    estimates = beside_dropped(intervals(problem, best), paying)
+    logs = compare_logs(problem, best)
     named = list[tuple[float, NamedCause]]()
     parts = zip(fitted, estimates, paying.tested.each, logs, doubts, strict=True)
     for one, parameters, gains, compared, own in parts:

@@ -280,6 +280,24 @@ def test_a_general_cause_must_add_to_its_special_case_what_a_further_one_must(
     assert named.right > 0.8
 
 
+@pytest.mark.parametrize(("wrong", "expected"), [(0.05, "special"), (0.0, "general")])
+def test_far_away_a_general_cause_does_not_win_by_what_tolerances_explain(
+    tmp_path: Path, wrong: float, expected: str
+) -> None:
+    """Without tolerances it explains three times as many noises as its special case."""
+    deviation, other = SHAPES[:, 1], SHAPES[:, 2]
+    form = SHAPES[:, 0] + 0.5 * deviation + wrong * SHAPES[:, 3]
+    special, general = candidate("special", SHAPES[:, 0]), candidate("general", form)
+    general = replace(general, cause=replace(general.cause, includes=("special",)))
+    case = Case(tmp_path, 60.0 * SHAPES[:, 0] + 30.0 * deviation + 10.0 * other, [special, general])
+    case.problem = case.problem_with(20.0 * deviation[:, None])
+
+    found = case.search(Settings(most=1))
+
+    assert found.problem.noise_model.is_far
+    assert ids(found.steps[0].tried[0]) == [expected]
+
+
 @pytest.mark.parametrize(
     ("likeness", "expected"), [(1.0, ["twin"]), (0.999, ["twin"]), (0.9, []), (0.0, [])]
 )

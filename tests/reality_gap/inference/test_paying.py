@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Gain
+from reality_gap.diagnosis import Estimate, Gain
 from reality_gap.inference.confidence import doubt_of_partial
 from reality_gap.inference.deviations import deviations
 from reality_gap.inference.end_stops import Stop
@@ -17,11 +17,13 @@ from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.folds import Folds, _gain, _Part
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import fit, null_fit
+from reality_gap.inference.intervals import intervals
 from reality_gap.inference.paying import (
     AT_BOUND,
     NO_GAIN,
     Paying,
     _worst,
+    beside_dropped,
     held_out_criteria,
     keep_paying,
 )
@@ -104,6 +106,38 @@ def test_a_cause_at_its_bound_is_dropped_and_the_other_one_stays(tmp_path: Path)
     assert ids(found.result.best) == ["right"]
     assert reasons(found) == [("stuck", AT_BOUND)]
     assert found.tested.pays
+
+
+def test_an_interval_holds_the_value_beside_a_dropped_cause_that_predicts_better(
+    tmp_path: Path,
+) -> None:
+    """The other cause bears a part of it, and its own interval excludes what it is beside it."""
+    both = SHAPES[:, 1] + 1.5 * SHAPES[:, 0]
+    stuck = candidate("stuck", both)
+    stuck = replace(stuck, parameters=(replace(stuck.parameters[0], high=0.5),))
+    right = candidate("right", SHAPES[:, 0])
+    case = Case(tmp_path, 1.0 * SHAPES[:, 0] + 3.0 * both, [right, stuck])
+    found = keep_paying(case.search())
+    assert reasons(found) == [("stuck", AT_BOUND)]
+
+    [own] = intervals(found.result.problem, found.result.best)
+    [wide] = beside_dropped([own], found)
+
+    beside = size_of(found.attempt, "right")
+    assert beside == pytest.approx(4.75, abs=0.2)  # two shapes are correlated by chance
+    assert own["size"].low > beside
+    assert wide["size"].low == beside
+    assert (wide["size"].value, wide["size"].high) == (own["size"].value, own["size"].high)
+
+
+def test_an_interval_ignores_a_dropped_cause_that_predicts_worse(tmp_path: Path) -> None:
+    learned = Case(tmp_path, np.zeros(len(TIME)), []).learned
+    error = 1.0 * SHAPES[:, 4] + np.where(learned, 0.8, -0.4) * SHAPES[:, 2]
+    found = keep_paying(Case(tmp_path, error, crowd(6)).search())
+    assert reasons(found) == [("c", NO_GAIN)]
+    own = [{"size": Estimate(50.0, 49.0, 51.0, "1")}]
+
+    assert beside_dropped(own, found) == own
 
 
 def test_a_cause_that_stands_for_a_stop_is_dropped_and_none_takes_its_turn(tmp_path: Path) -> None:
