@@ -48,11 +48,12 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
         travel = typical_scales.tendon_travel(system)
         hints = SearchHints(secants=elements.secants(system, location, (0.03 * travel,)))
-        sizes = (0.004 * travel, 7e-5 * travel, 0.0, 0.4 * travel)
+        tolerance = encoders.tolerance(location, 7e-5 * travel)
+        sizes = (0.004 * travel, tolerance, 0.0, 0.4 * travel)
         return Parameter("gap", "m", *sizes, hints=hints), begin
     unit, size = typical_scales.joint_travel(system, location)
     hints = SearchHints(secants=elements.secants(system, location, (0.03 * size, 0.1 * size)))
-    sizes = (0.005 * size, 0.0001 * size, 0.0, 0.3 * size)
+    sizes = (0.005 * size, encoders.tolerance(location, 0.0001 * size), 0.0, 0.3 * size)
     return Parameter("gap", unit, *sizes, hints=hints), begin
 
 

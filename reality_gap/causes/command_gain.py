@@ -1,7 +1,7 @@
 """Command gain: a position servo obeys its command times a constant factor.
 
 The factor acts about a command of 0, as with a wrong number of encoder counts per turn in the
-firmware.
+firmware. Its tolerance is small, for a good model has the right number.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.02, 0.0005, -0.9, 2.0),)
+    return (Parameter("excess", "1", 0.02, 0.0001, -0.9, 2.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

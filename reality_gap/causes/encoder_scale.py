@@ -1,8 +1,9 @@
 """Encoder scale: a joint's encoder reads its motion times a factor, as with a wrong gear ratio.
 
 At the position ``q`` it reads ``q0 + (1 + scale) (q - q0)``, where ``q0`` is the position at the
-model's ``qpos0``. A servo feeds the wrong position and velocity back. If only the conversion of the
-log is wrong, the reading alone is; it may then be mirrored, which is a scale of -2.
+model's ``qpos0``. A servo feeds the wrong position and velocity back, or the wrong position only
+where speeds have another source. If only the conversion of the log is wrong, the reading alone is;
+it may then be mirrored, which is a scale of -2.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import encoders, servos
-from reality_gap.causes.support.encoders import READING
+from reality_gap.causes.support.encoders import POSITION, READING
 from reality_gap.study.data import ReadState
 from reality_gap.study.system import System
 from reality_gap.types import Floats
@@ -24,27 +25,30 @@ STABLE, MIRRORED = -0.9, -3.0
 
 def _locations(system: System) -> tuple[Location, ...]:
     used = encoders.joints_with_encoders(system)
-    return used + encoders.readings_only(system, used)
+    positions = () if system.study.inverse else encoders.positions_only(system, used)
+    return used + encoders.readings_only(system, used) + positions
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     [encoder] = encoders.encoders(system, location)
     fed = bool(encoder.actuator) and location.note != READING
     low = STABLE if fed or system.study.inverse else MIRRORED
-    return (Parameter("scale", "1", 0.02, 0.0003, low, 2.0),)
+    tolerance = encoders.tolerance(location, 0.0003)
+    return (Parameter("scale", "1", 0.02, tolerance, low, 2.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     [encoder] = encoders.encoders(system, location)
     if encoder.actuator and location.note != READING:
         about = encoders.zero(system, encoder.element)
-        servos.add_reading_error(spec, encoder.actuator, 0.0, values["scale"], about)
+        speed = location.note != POSITION
+        servos.add_reading_error(spec, encoder.actuator, 0.0, values["scale"], about, speed)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     [encoder] = encoders.encoders(system, location)
-    about = encoders.zero(system, encoder.element)
-    speeds = encoders.speed_sensors(system, encoder.element)
+    about, name = encoders.zero(system, encoder.element), encoder.element
+    speeds = encoders.speed_sensors(system, name) if location.note != POSITION else ()
     if system.study.inverse:
         effects.motions.append(partial(_shrink, encoder.element, about, 1.0 + values["scale"]))
         return

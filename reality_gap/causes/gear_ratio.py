@@ -4,7 +4,7 @@ The servo obeys its command at the motor, whose encoder turns ``g (1 + excess)``
 joint, with the ratio ``g`` of the model; its force on the joint is larger by as much. A reading of
 the joint itself, such as that of a linear scale beside a ball screw, is right. Where the reading of
 the joint is computed from that of the motor, the ratio is a scale of the encoder
-(`encoder_scale`).
+(`encoder_scale`). Its tolerance is small, for teeth are counted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.02, 0.0005, -0.9, 9.0),)
+    return (Parameter("excess", "1", 0.02, 0.0001, -0.9, 9.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -59,15 +59,17 @@ def _name(location: Location, joint: str) -> str:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return tuple(_parameter(system, _name(location, joint), joint) for joint in location.elements)
+    return tuple(_parameter(system, location, joint) for joint in location.elements)
 
 
-def _parameter(system: System, name: str, joint: str) -> Parameter:
+def _parameter(system: System, location: Location, joint: str) -> Parameter:
+    name = _name(location, joint)
     if int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
         size = machine_size.machine_size(system)
         travel = float(size.travel[machine_size.dof(system, joint)])
-        return Parameter(name, "m", 0.03 * travel, 0.0003 * travel, -travel, travel)
-    return Parameter(name, "rad", 0.05, 0.0005, -0.6, 0.6)
+        tolerance = encoders.tolerance(location, 0.0003 * travel)
+        return Parameter(name, "m", 0.03 * travel, tolerance, -travel, travel)
+    return Parameter(name, "rad", 0.05, encoders.tolerance(location, 0.0005), -0.6, 0.6)
 
 
 def _errors(

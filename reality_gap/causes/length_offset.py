@@ -20,9 +20,8 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     travel = typical_scales.tendon_travel(system)
-    return (
-        Parameter("offset", "m", 0.0133 * travel, 0.0004 * travel, -1.4 * travel, 1.4 * travel),
-    )
+    tolerance = encoders.tolerance(location, 0.0004 * travel)
+    return (Parameter("offset", "m", 0.0133 * travel, tolerance, -1.4 * travel, 1.4 * travel),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

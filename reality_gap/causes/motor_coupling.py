@@ -44,7 +44,7 @@ def _before(location: Location) -> str:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("ratio", "1", 0.02, 0.0002, -2.0, 2.0),)
+    return (Parameter("ratio", "1", 0.02, 0.00005, -2.0, 2.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

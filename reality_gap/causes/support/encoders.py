@@ -16,6 +16,12 @@ from reality_gap.types import Floats
 
 READING = "reading only"
 """Note of a location where the servo's feedback is right."""
+POSITION = "position only"
+"""Note of a location where speeds, of readings and of the servo, are right: they have another
+source, such as a tachometer, or the servo's damping is that of its motor (back-EMF)."""
+EXACT = 0.2
+"""Tolerance of the error of a reading alone, over that of an encoder. A log has the readings that
+the servo uses, so that one conversion is wrong, or both are right."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,11 @@ def is_used(encoder: Encoder) -> bool:
     return bool(encoder.sensors or encoder.actuator)
 
 
+def tolerance(location: Location, own: float) -> float:
+    """Return the tolerance of an error at a location, from that of its encoder."""
+    return EXACT * own if location.note in (READING, POSITION) else own
+
+
 def readings_only(system: System, locations: Iterable[Location]) -> tuple[Location, ...]:
     """Return those of single elements whose encoder is read and feeds a servo, for its reading."""
     return tuple(
@@ -53,6 +64,23 @@ def readings_only(system: System, locations: Iterable[Location]) -> tuple[Locati
         for p in locations
         if len(p.elements) == 1 and all(e.sensors and e.actuator for e in encoders(system, p))
     )
+
+
+def positions_only(system: System, locations: Iterable[Location]) -> tuple[Location, ...]:
+    """Return those of single elements whose servo is damped or whose speed is read, for positions.
+
+    Scales of encoders differ there from those that speeds have, too.
+    """
+    found = list[Location]()
+    for location in locations:
+        if len(location.elements) == 1:
+            [encoder] = encoders(system, location)
+            servo = encoder.actuator
+            damped = servo and bool(system.model.actuator(servo).biasprm[2])
+            has_speed = encoder.kind == "joint" and speed_sensors(system, encoder.element)
+            if encoder.sensors and (damped or has_speed):
+                found.append(Location(location.kind, location.elements, POSITION))
+    return tuple(found)
 
 
 def joints_with_encoders(system: System) -> tuple[Location, ...]:

@@ -11,10 +11,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from reality_gap.causes import CATALOGUE
 from reality_gap.causes.actuator_lag import COMMAND
 from reality_gap.causes.base import Location
 from reality_gap.causes.joint_stiffness import NOMINAL
-from reality_gap.causes.support.encoders import READING
+from reality_gap.causes.support.encoders import POSITION, READING
 from reality_gap.causes.support.shared_amounts import FACTOR
 from reality_gap.inference.paying import NEAR, distance_to_bound
 from reality_gap.simulation.hypothesis import build
@@ -265,6 +266,18 @@ def test_an_error_of_the_log_moves_nothing(
     assert log.max() > 0.05
 
 
+@pytest.mark.parametrize("id", ["encoder_scale", "joint_offset", "backlash"])
+def test_a_log_deviates_less_from_its_servo_than_an_encoder_from_its_joint(
+    systems: dict[str, System], id: str
+) -> None:
+    """Both have the same readings, so that hardly any good model has an error of the log alone."""
+    at = Location("joint", ("elbow",), READING)
+    own, log = (candidate(systems["arm"], id, one).parameters[0] for one in (AT_ELBOW, at))
+
+    assert 0.0 < log.tolerance == pytest.approx(0.2 * own.tolerance)
+    assert log.scale == own.scale
+
+
 def test_a_servo_with_a_wrong_gear_ratio_reads_its_command(systems: dict[str, System]) -> None:
     """The servo reaches the command in its own reading, whatever its encoder's scale is."""
     system = systems["arm"]
@@ -380,3 +393,40 @@ def test_a_motor_that_brakes_has_its_whole_force(
     plant.effects.hooks[0].make(model)(model, data)
 
     np.testing.assert_allclose(model.actuator("elbow").forcerange, [low, high])
+
+
+def test_the_speed_of_a_servo_may_have_another_source(systems: dict[str, System]) -> None:
+    """As with a tachometer, or a damping that is the motor's own."""
+
+    def damped(*names: str) -> System:
+        def damp(spec: mujoco.MjSpec) -> None:
+            for name in BOTH:
+                spec.actuator(name).biasprm[2] = -2.0 * (name in names)
+
+        return edited(systems["arm"], damp)
+
+    system, at = damped("shoulder"), Location("joint", ("shoulder",))
+    only = replace(at, note=POSITION)
+    own, positions = (
+        build(system, [(candidate(system, "encoder_scale", one), {"scale": 0.2})]).spec.compile()
+        for one in (at, only)
+    )
+
+    gain = system.model.actuator("shoulder").biasprm[1]
+    assert own.actuator("shoulder").biasprm[1:3] == pytest.approx([1.2 * gain, -2.4])
+    assert positions.actuator("shoulder").biasprm[1:3] == pytest.approx([1.2 * gain, -2.0])
+    assert only not in CATALOGUE["encoder_scale"].locations(damped("elbow"))
+
+
+def test_a_speed_that_has_another_source_is_read_rightly(systems: dict[str, System]) -> None:
+    system = systems["arm"]
+    own, positions = (
+        with_cause(system, "encoder_scale", replace(AT_ELBOW, note=note), scale=1e-6)
+        for note in ("", POSITION)
+    )
+    velocity = measured(system.study).channel == [
+        channel.sensor for channel in system.study.channels
+    ].index("velocity_elbow")
+
+    change = np.abs(own - positions) / np.abs(predict(system)).max()
+    assert change[velocity].max() > 100.0 * change[~velocity].max()
