@@ -337,9 +337,10 @@ def _judge(settled: Settled, settings: Settings) -> Step:
     if base.is_null:
         needed += problem.handicaps[profiled]
     if profiled:
-        tolerant = [rescore(problem, f).evidence for f in tried]
-        tried = special_cases_first(tried, settings, profiled, tolerant)
-        alike = tuple(rescore(problem, f) for f in tried)
+        tolerant = {id(f): rescore(problem, f) for f in tried}
+        evidence = [one.evidence for one in tolerant.values()]
+        tried = special_cases_first(tried, settings, profiled, evidence)
+        alike = tuple(tolerant[id(f)] for f in tried)
         return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
     tried = special_cases_first(tried, settings, profiled)
     without = evidence_without(base.evidence, tried)

@@ -20,8 +20,8 @@ POSITION = "position only"
 """Note of a location where speeds, of readings and of the servo, are right: they have another
 source, such as a tachometer, or the servo's damping is that of its motor (back-EMF)."""
 EXACT = 0.2
-"""Tolerance of the error of a reading alone, over that of an encoder. A log has the readings that
-the servo uses, so that one conversion is wrong, or both are right."""
+"""Tolerance of an error of the reading alone, or of positions alone, over that of the encoder: a
+log has the readings that the servo uses, and all deviate together."""
 
 
 @dataclass(frozen=True)

@@ -419,14 +419,14 @@ def test_the_speed_of_a_servo_may_have_another_source(systems: dict[str, System]
 
 
 def test_a_speed_that_has_another_source_is_read_rightly(systems: dict[str, System]) -> None:
-    system = systems["arm"]
+    """Without damping by the servo, the motion is the same whatever speed it reads."""
+    system = edited(systems["arm"], scale_gain("elbow", kd=0.0))
     own, positions = (
-        with_cause(system, "encoder_scale", replace(AT_ELBOW, note=note), scale=1e-6)
+        with_cause(system, "encoder_scale", replace(AT_ELBOW, note=note), scale=0.1)
         for note in ("", POSITION)
     )
-    velocity = measured(system.study).channel == [
-        channel.sensor for channel in system.study.channels
-    ].index("velocity_elbow")
+    names = [channel.sensor for channel in system.study.channels]
+    velocity = measured(system.study).channel == names.index("velocity_elbow")
 
-    change = np.abs(own - positions) / np.abs(predict(system)).max()
-    assert change[velocity].max() > 100.0 * change[~velocity].max()
+    assert np.abs(own - positions)[velocity].max() > 1.0
+    np.testing.assert_array_equal(own[~velocity], positions[~velocity])
